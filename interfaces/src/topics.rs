@@ -1,0 +1,182 @@
+//! The topic table: every stream of samples, once, with its quality of service.
+//!
+//! | topic | type | frame | rate | publisher |
+//! |---|---|---|---|---|
+//! | `scan` | `LaserScan` | `base_scan` | once per simulated step, or the LiDAR's own | simulator or bridge |
+//! | `joint_states` | `JointState` | | once per simulated step, or 50 Hz | simulator or bridge |
+//! | `robot_pose` | `Pose` | `odom` | as `joint_states`, for robots that report only a pose | simulator or bridge |
+//! | `odom` | `Odometry` | `odom`, twist in `base_link` | one per measurement | odometry |
+//! | `sensor_pair` | `SensorPair` | | one per pair | supervisor |
+//! | `cmd_vel` | `VelocityCommand` | `base_link` | one per pair, or the controller's period | controller |
+//! | `pose` | `Pose` | `map` | optional | a localization |
+//! | `~/change_state` | `ChangeState` | | by request | supervisor |
+//! | `~/transition_event` | `TransitionEvent` | | by change | the node |
+//! | `~/status` | `NodeStatus` | | 10 Hz and by change | the node |
+//!
+//! Each topic has one publisher; shared memory refuses a second.
+
+use std::fmt::Debug;
+use std::marker::PhantomData;
+use std::time::Duration;
+
+use bytemuck::Pod;
+use iceoryx2::prelude::ZeroCopySend;
+
+use crate::{
+    ChangeState, Header, JointState, LaserScan, NodeStatus, Odometry, Pose, SensorPair,
+    TransitionEvent, VelocityCommand,
+};
+
+/// A sample that can travel on a topic.
+pub trait Message: ZeroCopySend + Pod + Default + Debug {
+    /// Its header.
+    fn header(&self) -> &Header;
+
+    /// Its header, to be written by the port that sends it.
+    fn header_mut(&mut self) -> &mut Header;
+}
+
+macro_rules! messages {
+    ($($message:ty),*) => {$(
+        impl Message for $message {
+            fn header(&self) -> &Header {
+                &self.header
+            }
+
+            fn header_mut(&mut self) -> &mut Header {
+                &mut self.header
+            }
+        }
+    )*};
+}
+
+messages!(
+    ChangeState,
+    JointState,
+    LaserScan,
+    NodeStatus,
+    Odometry,
+    Pose,
+    SensorPair,
+    TransitionEvent,
+    VelocityCommand
+);
+
+/// What happens to a sample that finds a reader's queue full, or no reader at all.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Loss {
+    /// The oldest queued sample makes room; one who comes late sees only what comes later.
+    KeepNewest,
+    /// The same, and one who comes late first sees the newest sample that was ever sent.
+    Latched,
+}
+
+/// Whose a topic is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Scope {
+    /// The robot has one.
+    Robot,
+    /// Every node has one of its own, `NODE/name`.
+    Node,
+}
+
+/// One row of the table.
+#[derive(Debug)]
+pub struct Topic<T> {
+    /// [-] The topic's name, without a leading slash.
+    pub name: &'static str,
+    /// Whose it is.
+    pub scope: Scope,
+    /// [-] Samples that a reader's queue holds.
+    pub depth: usize,
+    /// [-] The age past which a sample says nothing any more.
+    pub deadline: Duration,
+    /// What happens where a queue is full.
+    pub loss: Loss,
+    /// [-] The only one who publishes, by role.
+    pub publisher: &'static str,
+    message: PhantomData<T>,
+}
+
+impl<T: Message> Topic<T> {
+    /// A topic that the robot has once, `depth` deep, that keeps the newest.
+    pub const fn new(
+        name: &'static str,
+        depth: usize,
+        deadline: Duration,
+        publisher: &'static str,
+    ) -> Self {
+        Self {
+            name,
+            scope: Scope::Robot,
+            depth,
+            deadline,
+            loss: Loss::KeepNewest,
+            publisher,
+            message: PhantomData,
+        }
+    }
+
+    const fn of_each_node(mut self) -> Self {
+        self.scope = Scope::Node;
+        self
+    }
+
+    const fn latched(mut self) -> Self {
+        self.loss = Loss::Latched;
+        self
+    }
+
+    /// The full name: `scan`, or `odometry/status`.
+    pub fn full_name(&self, node: &str) -> String {
+        match self.scope {
+            Scope::Robot => self.name.to_owned(),
+            Scope::Node => format!("{node}/{}", self.name),
+        }
+    }
+}
+
+/// [-] As deep as the lab's queues.
+const DEPTH: usize = 10;
+
+/// Two periods of the lab's 20 Hz may go missing before data is stale.
+const DEADLINE: Duration = Duration::from_millis(150);
+
+/// Longer than any of the supervisor's own pauses.
+const DEADLINE_LIFECYCLE: Duration = Duration::from_secs(5);
+
+/// The LiDAR's turns.
+pub const SCAN: Topic<LaserScan> = Topic::new("scan", DEPTH, DEADLINE, "simulator or bridge");
+
+/// The wheels' encoders.
+pub const JOINT_STATES: Topic<JointState> =
+    Topic::new("joint_states", DEPTH, DEADLINE, "simulator or bridge");
+
+/// The pose that the robot itself reports, where it reports no wheels.
+pub const ROBOT_POSE: Topic<Pose> =
+    Topic::new("robot_pose", DEPTH, DEADLINE, "simulator or bridge");
+
+/// Pose and velocity from odometry.
+pub const ODOMETRY: Topic<Odometry> = Topic::new("odom", DEPTH, DEADLINE, "odometry");
+
+/// Tickets for a scan and an odometry sample that belong together.
+pub const SENSOR_PAIR: Topic<SensorPair> = Topic::new("sensor_pair", DEPTH, DEADLINE, "supervisor");
+
+/// How the robot shall move; never latched, since a late joiner must not act on an old command.
+pub const VELOCITY_COMMAND: Topic<VelocityCommand> =
+    Topic::new("cmd_vel", DEPTH, DEADLINE, "controller");
+
+/// Where a localization believes the robot to be.
+pub const POSE: Topic<Pose> = Topic::new("pose", DEPTH, DEADLINE, "a localization");
+
+/// The supervisor's requests to one node.
+pub const CHANGE_STATE: Topic<ChangeState> =
+    Topic::new("change_state", DEPTH, DEADLINE_LIFECYCLE, "supervisor").of_each_node();
+
+/// One node's changes of state.
+pub const TRANSITION_EVENT: Topic<TransitionEvent> =
+    Topic::new("transition_event", 16, DEADLINE_LIFECYCLE, "the node").of_each_node().latched();
+
+/// What one node says about itself.
+pub const STATUS: Topic<NodeStatus> =
+    Topic::new("status", 4, DEADLINE_LIFECYCLE, "the node").of_each_node().latched();

@@ -1,0 +1,696 @@
+//! Follows the middle of a corridor: walls as lines through many beams, turns by odometry.
+//!
+//! The robot keeps three numbers, predicted by odometry and corrected by the walls of each scan,
+//! each weighed by its variance: its heading against the corridor's course, its offset from the
+//! corridor's middle, and the corridor's width. To turn is to choose another course, square to the
+//! old one; then the same heading is simply very wrong, and is brought to zero in place.
+
+use std::f64::consts::{FRAC_PI_2, PI};
+use std::time::Duration;
+
+use interfaces::{LaserScan, Odometry, Stamp};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+
+use crate::walls::{Points, Side, Wall, Window, shared_slope};
+use crate::{Activity, CorridorConfig, Motion};
+
+/// The follower and its memory.
+#[derive(Debug, Clone)]
+pub(crate) struct CorridorFollowing {
+    config: CorridorConfig,
+    random: ChaCha8Rng,
+    points: Points,
+    state: State,
+    belief: Belief,
+    seen: Surroundings,
+    last: Option<Last>,
+}
+
+/// What the robot is doing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum State {
+    /// Along the corridor.
+    Follow,
+    /// In place, until the course lies ahead.
+    Turn,
+}
+
+/// Where the robot believes to be in the corridor.
+#[derive(Debug, Clone, Copy)]
+struct Belief {
+    /// [rad] Of the robot against the course; not wrapped, so that a turn knows its side.
+    heading: Estimate,
+    /// [m] From the middle, positive to the left.
+    offset: Estimate,
+    /// [m] Between the walls.
+    width: Estimate,
+}
+
+/// A number and how far it may be trusted.
+#[derive(Debug, Clone, Copy)]
+struct Estimate {
+    value: f64,
+    variance: f64,
+}
+
+/// The samples before these, and what was made of them.
+#[derive(Debug, Clone, Copy)]
+struct Last {
+    scan: Stamp,
+    scan_epoch: u32,
+    odometry: Odometry,
+    motion: Motion,
+}
+
+/// [m] What a scan shows of the corridor.
+#[derive(Debug, Clone, Copy)]
+struct Surroundings {
+    /// To the wall ahead, if there is one near.
+    ahead: Option<f64>,
+    /// Free ahead, for the width of the robot.
+    free_ahead: f64,
+    /// Free to the left, for less than the width of the robot.
+    free_left: f64,
+    /// Free to the right, likewise.
+    free_right: f64,
+}
+
+/// How long the samples may fail to come before the belief is worthless.
+const GAP_MAX: Duration = Duration::from_secs(1);
+
+/// [s] Ranges are moved to the odometry's time, but by no more than the period of a slow LiDAR.
+const SKEW_MAX: f64 = 0.2;
+
+/// [m] No wheel goes so far in that time: the odometry was set to another place.
+const JUMP_MIN: f64 = 1.0;
+
+/// [rad] Standard deviation of the heading at the start.
+const HEADING_UNKNOWN: f64 = 0.3;
+
+/// [m] Standard deviation of offset and width at the start.
+const PLACE_UNKNOWN: f64 = 0.1;
+
+/// [m] Standard deviation of the offset after a turn in front of a wall that was measured.
+const PLACE_TURNED: f64 = 0.02;
+
+/// [-] Standard deviation of odometry per distance, and per angle.
+const DRIFT: f64 = 0.02;
+
+/// [rad] Standard deviation that each period adds: walls are not quite straight or parallel.
+const HEADING_UNREST: f64 = 0.002;
+
+/// [m] Likewise of the offset.
+const OFFSET_UNREST: f64 = 0.001;
+
+/// [m²/m] Variance of the width that each distance adds: corridors widen. Slow enough that an
+/// opening on one side is passed before it is taken for a wider corridor.
+const WIDTH_UNREST: f64 = 0.01;
+
+/// [m] A distance is never better than this: range bias, thickness of walls.
+const DISTANCE_BIAS: f64 = 0.003;
+
+/// [rad] A slope is never better than this.
+const SLOPE_BIAS: f64 = 0.003;
+
+/// [rad] A greater slope is no correction of the course but another wall.
+const SLOPE_MAX: f64 = 0.35;
+
+/// [rad] Standard deviation of a course that is read off the whole scan.
+const DIRECTION_NOISE: f64 = 0.1;
+
+/// [m] Beyond three standard deviations, how far a wall may be from where it is expected.
+const SURPRISE_MAX: f64 = 0.05;
+
+/// [m] How far along the corridor side walls are looked at, ahead and behind.
+const SIDE_REACH: f64 = 0.45;
+
+/// [m] A side wall ends this far before a wall ahead, whose own points would bend it.
+const CORNER: f64 = 0.04;
+
+/// [m] Half width of the strip in which a wall ahead or behind is looked for.
+const FRONT_HALF: f64 = 0.13;
+
+/// [m] The farthest wall that is measured, rather than just seen to be free.
+const WALL_MAX: f64 = 0.8;
+
+/// [m] Half width of the strip in which an opening must be free; narrower than the robot, since it
+/// stands before the opening's middle only roughly.
+const OPENING_HALF: f64 = 0.08;
+
+/// [m] Behind the corridor's edge, how far an opening must be free to be one.
+const OPENING_DEPTH: f64 = 0.15;
+
+/// [m] Added to the robot's radius where the way ahead must be free.
+const MARGIN_SIDE: f64 = 0.01;
+
+/// [m] What the robot leaves before anything ahead.
+const MARGIN_AHEAD: f64 = 0.035;
+
+/// [m] Near enough to the place where it turns.
+const ARRIVED: f64 = 0.01;
+
+/// [rad] Near enough to the course to drive on,
+const TURNED: f64 = 0.06;
+
+/// [rad] and too far from it.
+const ASTRAY: f64 = 0.6;
+
+/// [rad] The steepest approach to the corridor's middle.
+const APPROACH_MAX: f64 = 0.4;
+
+/// [rad/s] In place, no slower: a turn ends.
+const TURN_MIN: f64 = 0.1;
+
+/// [-] Of what a wheel can do; the rest is for rounding.
+const WHEEL_SHARE: f64 = 0.999;
+
+impl CorridorFollowing {
+    pub(crate) fn new(config: &CorridorConfig, seed: u64) -> Self {
+        Self {
+            config: config.clone(),
+            random: ChaCha8Rng::seed_from_u64(seed),
+            points: Points::new(),
+            state: State::Follow,
+            belief: Belief::unknown(config.corridor_width_m),
+            seen: Surroundings::NONE,
+            last: None,
+        }
+    }
+
+    /// The motion for these samples; where neither is newer than before, the last motion.
+    pub(crate) fn update(&mut self, scan: &LaserScan, odometry: &Odometry) -> Motion {
+        let news = self.last.as_ref().map_or(News::Start, |last| last.news(scan, odometry));
+        let (dt, scan_is_new) = match news {
+            News::Start => {
+                self.start(scan);
+                (0.0, true)
+            }
+            News::Nothing => return self.last.map_or(Motion::STOP, |last| last.motion),
+            News::Samples { dt, scan_is_new } => {
+                self.predict(odometry);
+                (dt, scan_is_new)
+            }
+        };
+        if scan_is_new {
+            self.correct(scan, odometry);
+        }
+
+        let before = self.last.map_or(Motion::STOP, |last| last.motion);
+        let motion = self.step(before, dt);
+        self.last = Some(Last {
+            scan: scan.header.stamp,
+            scan_epoch: scan.header.epoch,
+            odometry: self.last.map_or(*odometry, |last| last.after(odometry)),
+            motion,
+        });
+        motion
+    }
+
+    pub(crate) fn activity(&self) -> Activity {
+        match self.state {
+            State::Follow => Activity::Following,
+            State::Turn if self.belief.heading.value > 0.0 => Activity::TurningRight,
+            State::Turn => Activity::TurningLeft,
+        }
+    }
+
+    /// Takes the direction that most walls agree on for the course.
+    fn start(&mut self, scan: &LaserScan) {
+        self.points.fill(scan, self.config.sensor_x_m, 0.0);
+        self.last = None;
+        self.state = State::Follow;
+        self.belief = Belief::unknown(self.config.corridor_width_m);
+        self.belief.heading.value = -self.points.direction().unwrap_or(0.0);
+    }
+
+    /// Moves the belief as the wheels did.
+    fn predict(&mut self, odometry: &Odometry) {
+        let moved = self.last.as_ref().and_then(|last| moved(&last.odometry, odometry));
+        let (distance, turned) = moved.unwrap_or((0.0, 0.0));
+        let middle = self.belief.heading.value + 0.5 * turned;
+        let (sin, cos) = libm::sincos(middle);
+
+        let Belief { heading, offset, width } = &mut self.belief;
+        heading.shift(turned, HEADING_UNREST + DRIFT * turned.abs());
+        offset.shift(distance * sin, OFFSET_UNREST + DRIFT * distance.abs());
+        width.variance += WIDTH_UNREST * distance.abs();
+        self.seen.ahead = self.seen.ahead.map(|ahead| ahead - distance * cos);
+        self.seen.free_ahead -= distance * cos;
+    }
+
+    /// Corrects the belief by the walls of a scan, and looks for a way.
+    fn correct(&mut self, scan: &LaserScan, odometry: &Odometry) {
+        let heading = self.belief.heading.value + skew(scan, odometry);
+        self.points.fill(scan, self.config.sensor_x_m, heading);
+
+        let front = Window { along_min: -FRONT_HALF, along_max: FRONT_HALF, across_max: WALL_MAX };
+        let ahead = self.points.wall(Side::Ahead, front);
+        let behind = self.points.wall(Side::Behind, front);
+        let reach = |wall: Option<Wall>| {
+            wall.map_or(SIDE_REACH, |wall| SIDE_REACH.min(wall.distance(0.0) - CORNER))
+        };
+        let side = |back: f64, fore: f64| Window {
+            along_min: -back,
+            along_max: fore,
+            across_max: WALL_MAX,
+        };
+        let left = self.points.wall(Side::Left, side(reach(behind), reach(ahead)));
+        let right = self.points.wall(Side::Right, side(reach(ahead), reach(behind)));
+
+        let noise = self.config.range_noise_m;
+        let (slope, slope_variance) = shared_slope(&[ahead, left, behind, right], noise)
+            .filter(|(slope, _)| slope.abs() <= SLOPE_MAX)
+            // Every wall is aslant, or far away.
+            .or_else(|| Some((self.points.direction()?, DIRECTION_NOISE * DIRECTION_NOISE)))
+            .unwrap_or((0.0, SLOPE_MAX * SLOPE_MAX));
+        let heading_measured = self.belief.heading.value - slope;
+        self.belief.heading.correct(heading_measured, slope_variance + SLOPE_BIAS * SLOPE_BIAS);
+
+        let measure = |wall: Wall| Estimate {
+            value: wall.distance(slope),
+            variance: wall.distance_variance(noise, slope_variance) + DISTANCE_BIAS * DISTANCE_BIAS,
+        };
+        self.belief.correct_place(left.map(measure), right.map(measure));
+
+        self.seen = Surroundings {
+            ahead: ahead.map(|wall| wall.distance(slope)),
+            free_ahead: self.points.free(Side::Ahead, self.config.robot_radius_m + MARGIN_SIDE),
+            free_left: self.points.free(Side::Left, OPENING_HALF),
+            free_right: self.points.free(Side::Right, OPENING_HALF),
+        };
+    }
+
+    fn step(&mut self, before: Motion, dt: f64) -> Motion {
+        match self.state {
+            State::Follow => {
+                if self.belief.heading.value.abs() > ASTRAY {
+                    self.state = State::Turn;
+                    self.turn()
+                } else if self.has_arrived() {
+                    self.choose_course();
+                    self.state = State::Turn;
+                    self.turn()
+                } else {
+                    self.follow(before, dt)
+                }
+            }
+            State::Turn => {
+                if self.belief.heading.value.abs() > TURNED {
+                    self.turn()
+                } else {
+                    self.state = State::Follow;
+                    self.follow(Motion::STOP, dt)
+                }
+            }
+        }
+    }
+
+    /// Whether the corridor ends here: in the middle of the next one, which is as wide, or at
+    /// something else that lets nobody pass.
+    fn has_arrived(&self) -> bool {
+        self.way_ahead() <= ARRIVED
+    }
+
+    /// [m] How far the robot may go on.
+    fn way_ahead(&self) -> f64 {
+        let stop = (0.5 * self.belief.width.value).max(self.stop_min());
+        let to_middle = self.seen.ahead.map_or(f64::INFINITY, |ahead| ahead - stop);
+        to_middle.min(self.seen.free_ahead - self.stop_min())
+    }
+
+    /// [m] From the axle to anything ahead.
+    fn stop_min(&self) -> f64 {
+        self.config.robot_radius_m + MARGIN_AHEAD
+    }
+
+    /// Turns the course to the side that is open, or round.
+    fn choose_course(&mut self) {
+        let half = 0.5 * self.belief.width.value;
+        let is_open = |free: f64| half + OPENING_DEPTH < free;
+        let (left, right) = (self.seen.free_left, self.seen.free_right);
+        let turned = match (is_open(left), is_open(right)) {
+            (true, false) => FRAC_PI_2,
+            (false, true) => -FRAC_PI_2,
+            (true, true) if self.random.next_u32() & 1 == 0 => FRAC_PI_2,
+            (true, true) => -FRAC_PI_2,
+            (false, false) if right <= left => PI,
+            (false, false) => -PI,
+        };
+
+        // The wall ahead becomes the wall on the far side of the turn.
+        let from_middle = self.seen.ahead.map(|ahead| ahead - half);
+        let Belief { heading, offset, .. } = &mut self.belief;
+        heading.value -= turned;
+        if turned.abs() > FRAC_PI_2 {
+            offset.value = -offset.value;
+        } else if let Some(from_middle) = from_middle {
+            let value = from_middle * turned.signum();
+            *offset = Estimate { value, variance: PLACE_TURNED * PLACE_TURNED };
+        } else {
+            *offset = Estimate { value: 0.0, variance: PLACE_UNKNOWN * PLACE_UNKNOWN };
+        }
+        self.seen = Surroundings::NONE;
+    }
+
+    fn turn(&self) -> Motion {
+        let heading = self.belief.heading.value;
+        let speed = (self.config.gain_heading_1_s * heading.abs())
+            .clamp(TURN_MIN.min(self.angular_max()), self.angular_max());
+        Motion { linear: 0.0, angular: -speed * heading.signum() }
+    }
+
+    fn follow(&self, before: Motion, dt: f64) -> Motion {
+        let Belief { heading, offset, .. } = &self.belief;
+        let approach = -(self.config.gain_offset_rad_m * offset.value);
+        let error = approach.clamp(-APPROACH_MAX, APPROACH_MAX) - heading.value;
+        let angular =
+            (self.config.gain_heading_1_s * error).clamp(-self.angular_max(), self.angular_max());
+
+        let acceleration = self.config.acceleration_m_s2;
+        let braking = (2.0 * acceleration * self.way_ahead().max(0.0)).sqrt();
+        let linear = self
+            .config
+            .speed_m_s
+            .min(before.linear + acceleration * dt)
+            .min(braking)
+            .min(self.wheel_max() - 0.5 * self.config.track_m * angular.abs());
+        Motion { linear: linear.max(0.0), angular }
+    }
+
+    /// [m/s] What a wheel is asked for at most.
+    fn wheel_max(&self) -> f64 {
+        WHEEL_SHARE * self.config.wheel_speed_max_m_s
+    }
+
+    /// [rad/s] What the robot is asked for at most.
+    fn angular_max(&self) -> f64 {
+        self.config.angular_max_rad_s.min(self.wheel_max() / (0.5 * self.config.track_m))
+    }
+}
+
+/// What the samples of this update are, against those of the last.
+#[derive(Debug, Clone, Copy)]
+enum News {
+    /// The first, or the first after a gap or of a publisher's new life.
+    Start,
+    /// No newer than those before.
+    Nothing,
+    /// So many seconds newer; perhaps only the odometry.
+    Samples { dt: f64, scan_is_new: bool },
+}
+
+impl Last {
+    fn news(&self, scan: &LaserScan, odometry: &Odometry) -> News {
+        let scan_dt = scan.header.stamp.since(self.scan);
+        let odometry_dt = odometry.header.stamp.since(self.odometry.header.stamp);
+        let dt = scan_dt.max(odometry_dt);
+        if scan.header.epoch != self.scan_epoch
+            || odometry.header.epoch != self.odometry.header.epoch
+            || GAP_MAX < dt
+        {
+            News::Start
+        } else if dt.is_zero() {
+            News::Nothing
+        } else {
+            News::Samples { dt: dt.as_secs_f64(), scan_is_new: !scan_dt.is_zero() }
+        }
+    }
+
+    /// The odometry to compare the next with: the newest that can be computed with.
+    fn after(&self, odometry: &Odometry) -> Odometry {
+        let is_newer = self.odometry.header.stamp < odometry.header.stamp
+            || self.odometry.header.epoch != odometry.header.epoch;
+        if is_newer && is_finite(odometry) { *odometry } else { self.odometry }
+    }
+}
+
+impl Belief {
+    fn unknown(width: f64) -> Self {
+        let place = |value| Estimate { value, variance: PLACE_UNKNOWN * PLACE_UNKNOWN };
+        Self {
+            heading: Estimate { value: 0.0, variance: HEADING_UNKNOWN * HEADING_UNKNOWN },
+            offset: place(0.0),
+            width: place(width),
+        }
+    }
+
+    /// Corrects offset and width by the distances of the side walls, as far as they are believed.
+    fn correct_place(&mut self, left: Option<Estimate>, right: Option<Estimate>) {
+        if let (Some(left), Some(right)) = (left, right) {
+            let width = left.value + right.value;
+            let variance = left.variance + right.variance;
+            // A narrower place is narrow, whatever was believed; a wider one may be an opening.
+            if width < self.width.value || self.width.expects(width, variance) {
+                self.offset.correct(0.5 * (right.value - left.value), 0.25 * variance);
+                self.width.correct(width, variance);
+                return;
+            }
+        }
+
+        // At most one side has a wall of the corridor; the other is an opening's.
+        let half = 0.5 * self.width.value;
+        let by_left = left.map(|left| (half - left.value, left.variance));
+        let by_right = right.map(|right| (right.value - half, right.variance));
+        let believed = [by_left, by_right]
+            .into_iter()
+            .flatten()
+            .filter(|&(offset, variance)| self.offset.expects(offset, variance))
+            .min_by(|one, other| {
+                let surprise = |measured: f64| (measured - self.offset.value).abs();
+                surprise(one.0).total_cmp(&surprise(other.0))
+            });
+        if let Some((offset, variance)) = believed {
+            self.offset.correct(offset, variance);
+        }
+    }
+}
+
+impl Estimate {
+    fn shift(&mut self, by: f64, deviation: f64) {
+        self.value += by;
+        self.variance += deviation * deviation;
+    }
+
+    fn expects(&self, measured: f64, variance: f64) -> bool {
+        let deviation = (self.variance + variance).sqrt();
+        (measured - self.value).abs() <= 3.0 * deviation + SURPRISE_MAX
+    }
+
+    fn correct(&mut self, measured: f64, variance: f64) {
+        let gain = self.variance / (self.variance + variance);
+        self.value += gain * (measured - self.value);
+        self.variance *= 1.0 - gain;
+    }
+}
+
+impl Surroundings {
+    const NONE: Self = Self {
+        ahead: None,
+        free_ahead: f64::INFINITY,
+        free_left: f64::INFINITY,
+        free_right: f64::INFINITY,
+    };
+}
+
+/// [m, rad] How far the robot went, forward and round; nothing where that cannot be told.
+fn moved(before: &Odometry, after: &Odometry) -> Option<(f64, f64)> {
+    if !is_finite(before) || !is_finite(after) {
+        return None;
+    }
+    let turned = libm::remainder(after.yaw - before.yaw, 2.0 * PI);
+    let (sin, cos) = libm::sincos(before.yaw + 0.5 * turned);
+    let distance = (after.x - before.x) * cos + (after.y - before.y) * sin;
+    (distance.abs() <= JUMP_MIN).then_some((distance, turned))
+}
+
+fn is_finite(odometry: &Odometry) -> bool {
+    odometry.x.is_finite() && odometry.y.is_finite() && odometry.yaw.is_finite()
+}
+
+/// [rad] How the robot turned from the odometry's time to the scan's.
+fn skew(scan: &LaserScan, odometry: &Odometry) -> f64 {
+    let (scan, stamp) = (scan.header.stamp, odometry.header.stamp);
+    let time = scan.since(stamp).as_secs_f64() - stamp.since(scan).as_secs_f64();
+    let turned = odometry.angular * time.clamp(-SKEW_MAX, SKEW_MAX);
+    if turned.is_finite() { turned } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{Segment, scan, turned};
+
+    const LEFT: Segment = ([-3.0, 0.2], [0.2, 0.2]);
+    const RIGHT: Segment = ([-3.0, -0.2], [0.2, -0.2]);
+    const AHEAD: Segment = ([0.2, -3.0], [0.2, 3.0]);
+    /// The same two, ending where a side corridor begins.
+    const LEFT_OPEN: Segment = ([-3.0, 0.2], [-0.2, 0.2]);
+    const RIGHT_OPEN: Segment = ([-3.0, -0.2], [-0.2, -0.2]);
+    const LEFT_LONG: Segment = ([-3.0, 0.2], [3.0, 0.2]);
+    const RIGHT_LONG: Segment = ([-3.0, -0.2], [3.0, -0.2]);
+
+    fn follower(seed: u64) -> CorridorFollowing {
+        CorridorFollowing::new(&CorridorConfig::default(), seed)
+    }
+
+    /// The turning speed and the angle still to turn, for a robot that sees this first.
+    fn first(walls: &[Segment], seed: u64) -> (f64, f64) {
+        let mut follower = follower(seed);
+        let motion = follower.update(&scan(walls, 0.0, 50), &turned(0.0, 50));
+        (motion.angular, -follower.belief.heading.value)
+    }
+
+    #[test]
+    fn the_end_of_a_corridor_is_left_to_the_open_side_or_back() {
+        let table = [
+            ("left", [LEFT_OPEN, AHEAD, RIGHT], 1.5, FRAC_PI_2),
+            ("right", [LEFT, AHEAD, RIGHT_OPEN], -1.5, -FRAC_PI_2),
+        ];
+        for (name, walls, angular, to_turn) in table {
+            let (speed, angle) = first(&walls, 1);
+            assert!((speed - angular).abs() < 1e-9, "{name}: {speed}");
+            assert!((angle - to_turn).abs() < 0.02, "{name}: {angle}");
+        }
+        let (_, angle) = first(&[LEFT, AHEAD, RIGHT], 1);
+        assert!((angle.abs() - PI).abs() < 0.02, "{angle}");
+    }
+
+    #[test]
+    fn at_a_junction_the_seed_chooses() {
+        let choices: Vec<f64> =
+            (0..20).map(|seed| first(&[LEFT_OPEN, AHEAD, RIGHT_OPEN], seed).0).collect();
+        assert!(choices.contains(&1.5) && choices.contains(&-1.5), "{choices:?}");
+    }
+
+    #[test]
+    fn a_turn_goes_on_by_odometry_until_the_course_lies_ahead() {
+        let mut follower = follower(1);
+        let walls = [LEFT_OPEN, AHEAD, RIGHT];
+        let mut yaw = 0.0;
+        let mut milliseconds = 50;
+        loop {
+            let motion =
+                follower.update(&scan(&walls, yaw, milliseconds), &turned(yaw, milliseconds));
+            if motion.linear > 0.0 {
+                break;
+            }
+            yaw += 0.05 * motion.angular;
+            milliseconds += 50;
+            assert!(milliseconds < 3000, "still turning at {yaw}");
+        }
+        assert!((yaw - FRAC_PI_2).abs() < 0.1, "{yaw}");
+    }
+
+    #[test]
+    fn the_robot_steers_to_the_middle() {
+        for beside in [-0.05, 0.05] {
+            let shift = |([x0, y0], [x1, y1]): Segment| ([x0, y0 - beside], [x1, y1 - beside]);
+            let walls = [LEFT_LONG, RIGHT_LONG].map(shift);
+            let mut follower = follower(1);
+            let motion = follower.update(&scan(&walls, 0.0, 50), &turned(0.0, 50));
+            assert!((follower.belief.offset.value - beside).abs() < 2e-3, "{:?}", follower.belief);
+            assert!(motion.angular * beside < 0.0, "{beside}: {motion:?}");
+        }
+    }
+
+    #[test]
+    fn corridors_of_any_width_are_measured() {
+        for width in [0.35, 0.4, 0.5, 0.6] {
+            let walls = [
+                ([-3.0, 0.5 * width], [3.0, 0.5 * width]),
+                ([-3.0, -0.5 * width], [3.0, -0.5 * width]),
+            ];
+            let mut follower = follower(1);
+            follower.update(&scan(&walls, 0.0, 50), &turned(0.0, 50));
+            let measured = follower.belief.width.value;
+            assert!((measured - width).abs() < 2e-3, "{width}: {measured}");
+        }
+    }
+
+    #[test]
+    fn an_opening_on_one_side_is_not_taken_for_the_corridor() {
+        let mut follower = follower(1);
+        follower.update(&scan(&[LEFT_LONG, RIGHT_LONG], 0.0, 50), &turned(0.0, 50));
+
+        let beyond = ([-3.0, 0.55], [3.0, 0.55]);
+        for milliseconds in (100..1000).step_by(50) {
+            let motion = follower.update(
+                &scan(&[beyond, RIGHT_LONG], 0.0, milliseconds),
+                &turned(0.0, milliseconds),
+            );
+            assert!(motion.angular.abs() < 0.02, "{motion:?}");
+        }
+    }
+
+    #[test]
+    fn a_skewed_start_is_noticed() {
+        for yaw in [-0.7, 0.3, 0.7] {
+            let mut follower = follower(1);
+            follower.update(&scan(&[LEFT_LONG, RIGHT_LONG], yaw, 50), &turned(0.0, 50));
+            let heading = follower.belief.heading.value;
+            assert!((heading - yaw).abs() < 0.05, "{yaw}: {heading}");
+        }
+    }
+
+    #[test]
+    fn odometry_alone_moves_the_belief_and_nonsense_does_not() {
+        let corridor = scan(&[LEFT_LONG, RIGHT_LONG], 0.0, 50);
+        let mut follower = follower(1);
+        follower.update(&corridor, &turned(3.1, 50));
+        follower.update(&corridor, &turned(-3.1, 100));
+        let turned_by = 2.0 * PI - 6.2;
+        assert!((follower.belief.heading.value - turned_by).abs() < 1e-3);
+
+        follower.update(&corridor, &turned(f64::NAN, 150));
+        follower.update(&corridor, &turned(-3.0, 200));
+        assert!((follower.belief.heading.value - turned_by - 0.1).abs() < 1e-3);
+
+        for (index, x) in [(0, f64::MAX), (1, -f64::MAX), (2, 0.0)] {
+            follower.update(&corridor, &Odometry { x, ..turned(-3.0, 250 + 50 * index) });
+        }
+        assert!(follower.belief.offset.value.abs() < 1e-3);
+    }
+
+    #[test]
+    fn a_scan_older_than_the_odometry_is_turned_with_it() {
+        let mut follower = follower(1);
+        let mut odometry = turned(0.0, 50);
+        follower.update(&scan(&[LEFT_LONG, RIGHT_LONG], 0.0, 50), &odometry);
+
+        // Turning at 1 rad/s; the scan was taken 0.1 s and 0.1 rad earlier.
+        odometry = turned(0.2, 250);
+        odometry.angular = 1.0;
+        follower.update(&scan(&[LEFT_LONG, RIGHT_LONG], 0.1, 150), &odometry);
+        assert!((follower.belief.heading.value - 0.2).abs() < 2e-3, "{:?}", follower.belief);
+    }
+
+    #[test]
+    fn after_a_long_gap_the_robot_looks_anew() {
+        let mut follower = follower(1);
+        follower.update(&scan(&[LEFT_OPEN, AHEAD, RIGHT], 0.0, 50), &turned(0.0, 50));
+        assert_eq!(follower.state, State::Turn);
+
+        follower.update(&scan(&[LEFT_LONG, RIGHT_LONG], 0.0, 1100), &turned(2.0, 1100));
+        assert_eq!(follower.state, State::Follow);
+        assert!(follower.belief.heading.value.abs() < 0.01);
+    }
+
+    #[test]
+    fn the_robot_brakes_before_a_wall_and_starts_gently() {
+        let speed = |front: f64, before: f64| {
+            let mut follower = follower(1);
+            follower.update(&scan(&[LEFT_LONG, RIGHT_LONG], 0.0, 50), &turned(0.0, 50));
+            if let Some(last) = &mut follower.last {
+                last.motion.linear = before;
+            }
+            let ahead = ([front, -0.2], [front, 0.2]);
+            let seen = scan(&[LEFT_LONG, RIGHT_LONG, ahead], 0.0, 100);
+            follower.update(&seen, &turned(0.0, 100)).linear
+        };
+        assert!((speed(0.7, 0.2) - 0.2).abs() < 0.005);
+        assert!((speed(0.7, 0.0) - 0.02).abs() < 1e-9);
+        // 0.02 m before the place where it turns: sqrt(2 * 0.4 * 0.02).
+        assert!((speed(0.22, 0.2) - 0.126).abs() < 0.01);
+    }
+}

@@ -1,0 +1,106 @@
+//! The process: a pair of samples in, a command out.
+
+use interfaces::topics::{ODOMETRY, POSE, SCAN, SENSOR_PAIR, VELOCITY_COMMAND};
+use interfaces::{LaserScan, Odometry, Pose, SensorPair, Stamp, VelocityCommand};
+use node::{Error, Gauge, Node, Publisher, Result, Sample, Subscriber, Window};
+
+use crate::{Config, Controller, Pacing, is_handed_over};
+
+/// Runs the controller as a managed node.
+pub fn run(node: &mut Node<'_>) -> Result {
+    let mut config: Config = node.parameters()?;
+    config.seed = node.settings().launch().seed;
+    let controller =
+        Controller::new(&config).map_err(|cause| Error::Fault(format!("cannot drive: {cause}")))?;
+    let driver = Driver::new(node, controller)?;
+    match config.pacing {
+        Pacing::EveryPair => every_pair(node, driver),
+        Pacing::Timer => {
+            on_a_timer(node, driver, std::time::Duration::from_secs_f64(config.period_s))
+        }
+    }
+}
+
+/// One command for each pair, as it comes: the lab's simulation.
+fn every_pair(node: &mut Node<'_>, mut driver: Driver) -> Result {
+    while node.tick()?.is_some() {
+        while let Some(ticket) = driver.next_ticket()? {
+            driver.drive(&ticket)?;
+        }
+    }
+    Ok(())
+}
+
+/// One command each period, for the newest pair there is: the lab's robot.
+fn on_a_timer(node: &mut Node<'_>, mut driver: Driver, period: std::time::Duration) -> Result {
+    node.set_period(period);
+    let mut newest: Option<SensorPair> = None;
+    while let Some(tick) = node.tick()? {
+        while let Some(ticket) = driver.next_ticket()? {
+            newest = Some(ticket);
+        }
+        // What is older than the pairs' deadline says nothing any more: silence stops the robot.
+        newest = newest.filter(|ticket| is_fresh(ticket, tick.now));
+        if let Some(ticket) = newest.filter(|_| tick.due) {
+            driver.drive(&ticket)?;
+        }
+    }
+    Ok(())
+}
+
+fn is_fresh(ticket: &SensorPair, now: Stamp) -> bool {
+    now.since(ticket.formed) <= SENSOR_PAIR.deadline
+}
+
+/// The follower with its wires.
+struct Driver {
+    controller: Controller,
+    tickets: Subscriber<SensorPair>,
+    scans: Window<LaserScan>,
+    odometry: Window<Odometry>,
+    poses: Subscriber<Pose>,
+    pose: Option<Sample<Pose>>,
+    commands: Publisher<VelocityCommand>,
+    gone: Gauge,
+}
+
+impl Driver {
+    fn new(node: &mut Node<'_>, controller: Controller) -> Result<Self> {
+        Ok(Self {
+            controller,
+            tickets: node.subscribe(&SENSOR_PAIR)?,
+            scans: Window::open(node, &SCAN)?,
+            odometry: Window::open(node, &ODOMETRY)?,
+            poses: node.subscribe_quietly(&POSE)?,
+            pose: None,
+            commands: node.publish(&VELOCITY_COMMAND)?,
+            gone: node.gauge("tickets_whose_sample_is_gone"),
+        })
+    }
+
+    /// The next ticket, with the samples taken in that came before it.
+    fn next_ticket(&mut self) -> Result<Option<SensorPair>> {
+        let ticket = self.tickets.receive()?.map(|ticket| *ticket);
+        self.scans.refresh()?;
+        self.odometry.refresh()?;
+        Ok(ticket)
+    }
+
+    /// Sends the command for the two samples that the ticket names, read where they lie; a sample
+    /// that is gone is counted, never guessed.
+    fn drive(&mut self, ticket: &SensorPair) -> Result {
+        self.pose = self.poses.latest()?.or(self.pose.take());
+        let scan = self.scans.find(ticket.scan_sequence, ticket.scan_epoch);
+        let odometry = self.odometry.find(ticket.odometry_sequence, ticket.odometry_epoch);
+        let (Some(scan), Some(odometry)) = (scan, odometry) else {
+            self.gone.count();
+            return Ok(());
+        };
+        let command = self.controller.update(scan, odometry);
+        // Once a localization knows where the robot is, another node drives.
+        if is_handed_over(self.pose.as_deref()) {
+            return Ok(());
+        }
+        self.commands.send(command)
+    }
+}

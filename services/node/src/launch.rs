@@ -1,0 +1,222 @@
+//! The launch file: one TOML file is the robot.
+
+use std::path::Path;
+use std::time::Duration;
+
+use serde::Deserialize;
+
+use crate::config::{Errors, FileName, Layers, Parameters, Report, Setting, Table};
+use crate::namespace::check_name;
+use crate::pairing;
+use crate::{Clock, Wait};
+
+/// What the launch file says, apart from the processes' own parameters.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Launch {
+    /// [-] The robot's name; it keeps two robots on one machine apart.
+    pub robot: String,
+    /// Whose time the robot lives in.
+    #[serde(default)]
+    pub clock: Clock,
+    /// [-] All that is random in a run comes from this.
+    #[serde(default)]
+    pub seed: u64,
+    /// When the run has reached its end.
+    #[serde(default)]
+    pub until: Option<Until>,
+    /// [s] The run ends after this long, of the robot's own time.
+    #[serde(default)]
+    pub for_s: Option<f64>,
+    /// How processes wait, where they do not say it themselves.
+    #[serde(default)]
+    pub wait: Option<Wait>,
+    /// How scan and odometry are paired.
+    #[serde(default)]
+    pub pairing: PairingParameters,
+    /// The processes, in the order in which they start.
+    pub process: Vec<Process>,
+}
+
+/// What a run can wait for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Until {
+    /// The whole corridor out, and back to the start.
+    RoundTrip,
+    /// The goal, by a robot that knows where it is.
+    Goal,
+}
+
+/// One process of the robot.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Process {
+    /// [-] Its name, and the service it runs where `exec` says nothing else.
+    pub name: String,
+    /// [-] An executable beside this one, or a path, and its arguments; else the service `name`.
+    #[serde(default)]
+    pub exec: Vec<String>,
+    /// How it waits for samples.
+    #[serde(default)]
+    pub wait: Option<Wait>,
+    /// A file of parameters, relative to the launch file.
+    #[serde(default)]
+    pub parameters_file: Option<FileName>,
+    /// Parameters, over those of the file; the process itself knows what they mean.
+    #[serde(default)]
+    pub parameters: Table,
+}
+
+/// How scan and odometry are paired.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct PairingParameters {
+    /// Which of ROS 2's two algorithms.
+    pub policy: Policy,
+    /// [-] How much an older pair is preferred to a tighter one, by `adaptive` alone.
+    pub age_penalty: f64,
+    /// [-] Samples of one topic that wait for a partner.
+    pub queue_size: usize,
+    /// [ms] Two samples belong together if their stamps differ by less.
+    pub slop_ms: f64,
+    /// [ms] A sample received longer ago is never paired.
+    pub max_age_ms: f64,
+    /// [ms] A pair is given out after this long, the best so far, where a better one may come.
+    pub max_delay_ms: f64,
+}
+
+impl Default for PairingParameters {
+    fn default() -> Self {
+        Self {
+            policy: Policy::Nearest,
+            age_penalty: 0.1,
+            queue_size: 10,
+            slop_ms: 50.0,
+            max_age_ms: 500.0,
+            max_delay_ms: 100.0,
+        }
+    }
+}
+
+/// [-] As many processes as one wake-up channel serves with room to spare.
+const PROCESSES_MAX: usize = 24;
+
+/// [ms] Longer than an hour is a mistake in the unit.
+const PAIRING_MS_MAX: f64 = 3_600_000.0;
+
+/// The keys of a launch file that the command line can set.
+const KEYS: [&str; 7] = ["robot", "clock", "seed", "until", "for_s", "wait", "pairing"];
+
+impl Launch {
+    /// Reads the launch file at `path`, as changed by the command line's `sets`, or says everything
+    /// that is wrong with both.
+    pub fn read(path: &Path, sets: &[Setting]) -> Result<Self, Errors> {
+        let own = sets.iter().filter(|set| KEYS.contains(&set.scope()));
+        let launch: Self = Layers::new().file(path).settings(own).parse()?;
+        let processes = launch.process.iter().map(|process| process.name.as_str());
+        let scopes: Vec<_> = KEYS.into_iter().chain(processes).collect();
+        let strangers = sets.iter().filter(|set| !scopes.contains(&set.scope()));
+        let mut errors = Errors::default();
+        errors.extend(strangers.map(|set| set.unknown(&scopes)));
+        if errors.is_empty() { Ok(launch) } else { Err(errors) }
+    }
+
+    /// The parameters of the process called `name`: the defaults, then its parameter file, then the
+    /// launch file, then the command line.
+    pub fn parameters<T: Parameters>(&self, name: &str, sets: &[Setting]) -> Result<T, Errors> {
+        let own: Vec<_> = sets.iter().filter_map(|set| set.within(name)).collect();
+        let mut layers = Layers::new();
+        if let Some(process) = self.process(name) {
+            layers = layers.named(process.parameters_file.as_ref()).table(&process.parameters);
+        }
+        layers.settings(&own).parse()
+    }
+
+    /// How the process called `name` waits.
+    pub fn wait(&self, process: Option<&Process>) -> Wait {
+        let usual = match self.clock {
+            Clock::Lockstep => Wait::Yield,
+            Clock::Realtime => Wait::Block,
+        };
+        process.and_then(|process| process.wait).or(self.wait).unwrap_or(usual)
+    }
+
+    /// The process called `name`.
+    pub fn process(&self, name: &str) -> Option<&Process> {
+        self.process.iter().find(|process| process.name == name)
+    }
+}
+
+impl Parameters for Launch {
+    fn check(&self, report: &mut Report<'_>) {
+        if check_name(&self.robot).is_err() {
+            report.refuse("robot", "cannot be a name", "use 1 to 32 of a-z, 0-9, '-' and '_'");
+        }
+        if self.for_s.is_some_and(|seconds| !(seconds.is_finite() && 0.0 < seconds)) {
+            report.refuse("for_s", "is no length of time", "give a number of seconds above zero");
+        }
+        if self.process.is_empty() || PROCESSES_MAX < self.process.len() {
+            report.refuse("process", "is no robot", "name 1 to 24 processes");
+        }
+        for (index, process) in self.process.iter().enumerate() {
+            let key = format!("process[{index}].name");
+            if check_name(&process.name).is_err() {
+                report.refuse(&key, "cannot be a name", "use 1 to 32 of a-z, 0-9, '-' and '_'");
+            }
+            if RESERVED.contains(&process.name.as_str()) {
+                report.refuse(&key, "is taken", "choose a name that no part of the launch has");
+            }
+            if self.process[..index].iter().any(|other| other.name == process.name) {
+                report.refuse(&key, "is the name of two processes", "give each its own");
+            }
+        }
+        self.pairing.check(&mut report.within("pairing"));
+    }
+}
+
+/// Names that mean something else on a command line or in shared memory.
+const RESERVED: [&str; 3] = ["pairing", "supervisor", "wake"];
+
+/// How a partner is chosen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Policy {
+    /// At once, the nearest that is there: the lab's, ROS 2's in Python.
+    Nearest,
+    /// The best of all, which may still have to come: ROS 2's in C++.
+    Adaptive,
+}
+
+impl PairingParameters {
+    /// As the pairing core knows it.
+    pub fn policy(&self) -> pairing::Policy {
+        match self.policy {
+            Policy::Nearest => pairing::Policy::Nearest,
+            Policy::Adaptive => pairing::Policy::Adaptive {
+                age_penalty: self.age_penalty,
+                period_min: [Duration::ZERO; pairing::TOPICS_MAX],
+            },
+        }
+    }
+
+    fn check(&self, report: &mut Report<'_>) {
+        if !(1..=1000).contains(&self.queue_size) {
+            report.refuse("queue_size", "is out of range", "give 1 to 1000");
+        }
+        let lengths = [
+            ("slop_ms", self.slop_ms),
+            ("max_age_ms", self.max_age_ms),
+            ("max_delay_ms", self.max_delay_ms),
+        ];
+        for (key, length) in lengths {
+            if !(0.0 < length && length <= PAIRING_MS_MAX) {
+                report.refuse(
+                    key,
+                    "is out of range",
+                    "give milliseconds above zero, up to an hour",
+                );
+            }
+        }
+    }
+}

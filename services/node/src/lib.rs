@@ -1,0 +1,52 @@
+//! What every process of a robot shares: ports, clock, waiting, signals, logs, configuration,
+//! lifecycle.
+//!
+//! A node is a function that opens ports and loops:
+//!
+//! ```no_run
+//! use interfaces::topics::{ODOMETRY, VELOCITY_COMMAND};
+//!
+//! fn run(node: &mut node::Node<'_>) -> node::Result {
+//!     let mut odometry = node.subscribe(&ODOMETRY)?;
+//!     let mut command = node.publish(&VELOCITY_COMMAND)?;
+//!     while node.tick()?.is_some() {
+//!         while let Some(odometry) = odometry.receive()? {
+//!             command.send_with(|command| command.header.stamp = odometry.header.stamp)?;
+//!         }
+//!     }
+//!     Ok(())
+//! }
+//!
+//! fn main() -> std::process::ExitCode {
+//!     node::main("brake", run)
+//! }
+//! ```
+
+#![forbid(unsafe_code)]
+
+mod arguments;
+pub mod clock;
+pub mod config;
+mod error;
+mod figures;
+pub mod launch;
+pub mod log;
+mod managed;
+mod namespace;
+pub mod pairing;
+mod port;
+mod session;
+pub mod signal;
+mod wake;
+mod window;
+
+pub use arguments::{Arguments, PARENT, Settings, die_with_parent, exit_code, main, run};
+pub use clock::Clock;
+pub use error::{Error, Result};
+pub use figures::{Gauge, Latency};
+pub use managed::{Node, Tick, run_with};
+pub use namespace::Namespace;
+pub use port::{Publisher, Sample, Subscriber};
+pub use session::{Held, Session};
+pub use wake::Wait;
+pub use window::Window;

@@ -1,0 +1,433 @@
+//! A managed node: its own code runs only while it is active.
+
+use std::rc::Rc;
+use std::time::Duration;
+
+use iceoryx2::prelude::{SignalHandlingMode, WaitSetBuilder, ipc};
+use interfaces::topics::{CHANGE_STATE, STATUS, TRANSITION_EVENT};
+use interfaces::{
+    ChangeState, Message, NodeStatus, Outcome, PORTS_MAX, Stamp, State, Text, Topic, Transition,
+    TransitionEvent,
+};
+
+use crate::figures::Figures;
+use crate::port::Port;
+use crate::wake::Waiter;
+use crate::{
+    Clock, Error, Gauge, Latency, Publisher, Result, Session, Settings, Subscriber, Wait, clock,
+    signal,
+};
+
+/// However long nothing happens, every wait ends: a lost wake-up costs no more than this.
+const WAIT_MAX: Duration = Duration::from_millis(50);
+
+/// While active, a node says this often how it is.
+const STATUS_PERIOD: Duration = Duration::from_millis(100);
+
+/// How long a node may finish what it has begun before it is deactivated all the same.
+const HOLD_MAX: Duration = Duration::from_secs(1);
+
+/// Shorter than this a time-out of the transport is none: it counts whole milliseconds.
+const TIMEOUT_MIN: Duration = Duration::from_millis(1);
+
+/// One turn of a node's loop.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Tick {
+    /// [ns] Now, on `CLOCK_MONOTONIC`, whatever time the robot lives in.
+    pub now: Stamp,
+    /// Whether this is the first turn since the node was activated.
+    pub activated: bool,
+    /// Whether a period of [`Node::set_period`] has passed.
+    pub due: bool,
+}
+
+/// What a node's own code is given.
+#[derive(Debug)]
+pub struct Node<'a> {
+    settings: &'a Settings,
+    session: &'a Session,
+    waiter: Waiter<'a>,
+    requests: Subscriber<ChangeState>,
+    events: Publisher<TransitionEvent>,
+    status: Publisher<NodeStatus>,
+    status_due: Stamp,
+    report: Box<NodeStatus>,
+    ports: Vec<Counted>,
+    figures: Figures,
+    state: State,
+    pending: Option<(Transition, Stamp)>,
+    activated: bool,
+    held: bool,
+    period: Option<Duration>,
+    due: Stamp,
+    overruns: Gauge,
+}
+
+/// A port whose counters and queue the node looks after.
+struct Counted(Rc<dyn Port>);
+
+impl std::fmt::Debug for Counted {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter.write_str(self.0.status().topic.as_str())
+    }
+}
+
+/// Runs `body` as a managed node until it is shut down. `body` opens its ports and then loops over
+/// [`Node::tick`]; it is called anew for every `configure`.
+pub fn run_with(settings: &Settings, body: impl FnMut(&mut Node<'_>) -> Result) -> Result {
+    let session = Session::join(&settings.namespace()?, settings.name(), settings.epoch())?;
+    let failed = |cause: String| Error::shared_memory("open the wake-up channel", cause);
+    let listener = session
+        .wake_service(settings.name())?
+        .listener_builder()
+        .create()
+        .map_err(|cause| failed(format!("{cause:?}")))?;
+    let waitset = WaitSetBuilder::new()
+        .signal_handling_mode(SignalHandlingMode::Disabled)
+        .create::<ipc::Service>()
+        .map_err(|cause| failed(format!("{cause:?}")))?;
+    // Attached once: attaching anew for each wait would cost ten system calls a message.
+    let _attached =
+        waitset.attach_notification(&listener).map_err(|cause| failed(format!("{cause:?}")))?;
+    let waiter = Waiter { mode: settings.wait(), listener: &listener, waitset: &waitset };
+    Node::new(settings, &session, waiter)?.serve(body)
+}
+
+impl<'a> Node<'a> {
+    fn new(settings: &'a Settings, session: &'a Session, waiter: Waiter<'a>) -> Result<Self> {
+        let mut report = Box::<NodeStatus>::default();
+        report.process = std::process::id();
+        Ok(Self {
+            settings,
+            session,
+            waiter,
+            requests: session.subscriber(&CHANGE_STATE)?,
+            events: session.publisher(&TRANSITION_EVENT)?,
+            status: session.publisher(&STATUS)?,
+            status_due: Stamp::ZERO,
+            report,
+            ports: Vec::new(),
+            figures: Figures::default(),
+            state: State::Unknown,
+            pending: None,
+            activated: false,
+            held: false,
+            period: None,
+            due: Stamp::ZERO,
+            overruns: Gauge::default(),
+        })
+    }
+
+    /// Its name.
+    pub fn name(&self) -> &str {
+        self.settings.name()
+    }
+
+    /// What it was started with.
+    pub fn settings(&self) -> &Settings {
+        self.settings
+    }
+
+    /// Whose time the robot lives in.
+    pub fn clock(&self) -> Clock {
+        self.settings.clock()
+    }
+
+    /// Its own parameters, from the launch file and the command line.
+    pub fn parameters<T: crate::config::Parameters>(&self) -> Result<T> {
+        self.settings.parameters()
+    }
+
+    /// Becomes the one publisher of `topic`.
+    pub fn publish<T: Message>(&mut self, topic: &Topic<T>) -> Result<Publisher<T>> {
+        let publisher = self.session.publisher(topic)?;
+        self.ports.push(Counted(publisher.port()));
+        Ok(publisher)
+    }
+
+    /// Reads `topic`; every sample wakes this node.
+    pub fn subscribe<T: Message + 'static>(&mut self, topic: &Topic<T>) -> Result<Subscriber<T>> {
+        let subscriber = self.session.subscriber(topic)?;
+        self.ports.push(Counted(subscriber.port()));
+        Ok(subscriber)
+    }
+
+    /// Reads `topic`, but no sample of it wakes this node: for what is looked at when something
+    /// else does.
+    pub fn subscribe_quietly<T: Message + 'static>(
+        &mut self,
+        topic: &Topic<T>,
+    ) -> Result<Subscriber<T>> {
+        let subscriber = self.session.quiet_subscriber(topic)?;
+        self.ports.push(Counted(subscriber.port()));
+        Ok(subscriber)
+    }
+
+    /// From the next activation on, [`Tick::due`] is set once every `period`. Without a drift: a
+    /// turn that comes late does not move the next; one that misses its successor is counted.
+    pub fn set_period(&mut self, period: Duration) {
+        self.period = Some(period);
+        self.overruns = self.gauge("overruns");
+    }
+
+    /// A figure of this node's status, with its unit at the end of `key` (`distance_m`).
+    pub fn gauge(&mut self, key: &str) -> Gauge {
+        self.figures.gauge(key)
+    }
+
+    /// A duration of this node's status: its median, 99th percentile and maximum over the run, as
+    /// `NAME_p50_us` and so on.
+    pub fn latency(&mut self, name: &str) -> Latency {
+        self.figures.latency(name)
+    }
+
+    /// Says in one line what the node is doing.
+    pub fn say(&mut self, text: &str) {
+        self.report.text = Text::new(text);
+    }
+
+    /// Says that there is nothing left to do: the run may end, well or ill, because of `why`.
+    pub fn finish(&mut self, outcome: Outcome, why: &str) -> Result<()> {
+        self.report.outcome = outcome as u8;
+        self.say(why);
+        self.send_status(clock::now())
+    }
+
+    /// Puts off a deactivation until [`Node::release`]: others are at work on what this node began.
+    pub fn hold(&mut self) {
+        self.held = true;
+    }
+
+    /// Nothing is under way any more.
+    pub fn release(&mut self) {
+        self.held = false;
+    }
+
+    /// Whether this node was asked to pause or end, which the next [`Node::tick`] will do.
+    pub fn leaving(&mut self) -> Result<bool> {
+        self.take_request(clock::now())?;
+        Ok(self.pending.is_some())
+    }
+
+    /// Waits for the next turn: a sample, a period, or a moment that passed without either. `None`
+    /// when the node has to let go of everything.
+    pub fn tick(&mut self) -> Result<Option<Tick>> {
+        if self.state == State::Configuring {
+            self.change(State::Inactive, "")?;
+        }
+        let mut waited = false;
+        loop {
+            let now = clock::now();
+            self.take_request(now)?;
+            if let Some((transition, since)) = self.pending
+                && (!self.held || HOLD_MAX < now.since(since))
+            {
+                self.pending = None;
+                self.held = false;
+                if self.obey(transition)? {
+                    return Ok(None);
+                }
+                continue;
+            }
+            if self.state == State::Active && (waited || self.activated || self.is_due(now)) {
+                return self.turn(now).map(Some);
+            }
+            self.wait(now)?;
+            waited = true;
+        }
+    }
+
+    fn turn(&mut self, now: Stamp) -> Result<Tick> {
+        let activated = std::mem::take(&mut self.activated);
+        let due = self.is_due(now);
+        if due && let Some(period) = self.period {
+            self.schedule(now, period);
+        }
+        if self.status_due <= now {
+            self.send_status(now)?;
+        }
+        Ok(Tick { now, activated, due })
+    }
+
+    fn is_due(&self, now: Stamp) -> bool {
+        self.period.is_some() && self.due <= now
+    }
+
+    fn schedule(&mut self, now: Stamp, period: Duration) {
+        self.due = self.due.after(period);
+        if self.due <= now {
+            self.overruns.count();
+            self.due = now.after(period);
+        }
+    }
+
+    fn wait(&self, now: Stamp) -> Result<()> {
+        if self.state != State::Active {
+            return Waiter { mode: Wait::Block, ..self.waiter }.wait(WAIT_MAX);
+        }
+        let until_due = if self.period.is_some() { self.due.since(now) } else { WAIT_MAX };
+        if self.waiter.mode == Wait::Block && until_due < TIMEOUT_MIN {
+            clock::nap(until_due);
+            return Ok(());
+        }
+        // Whole milliseconds, rounded down: the rest is napped away just before the period ends.
+        let whole = Duration::from_millis(u64::try_from(until_due.as_millis()).unwrap_or(u64::MAX));
+        self.waiter.wait(whole.min(WAIT_MAX))
+    }
+
+    /// Calls `body` for each `configure`, until the node is shut down.
+    fn serve(&mut self, mut body: impl FnMut(&mut Self) -> Result) -> Result {
+        self.change(State::Unconfigured, "")?;
+        while self.await_configure()? {
+            self.change(State::Configuring, "")?;
+            let outcome = body(self);
+            self.ports.clear();
+            self.figures.clear();
+            match outcome {
+                Err(error) => return self.fail(error),
+                Ok(()) if self.state == State::CleaningUp => {
+                    self.change(State::Unconfigured, "")?;
+                }
+                Ok(()) => break,
+            }
+        }
+        if self.state != State::ShuttingDown {
+            self.change(State::ShuttingDown, "")?;
+        }
+        self.change(State::Finalized, "")
+    }
+
+    /// Waits until the node may configure itself; false where it shall end instead.
+    fn await_configure(&mut self) -> Result<bool> {
+        loop {
+            let now = clock::now();
+            self.take_request(now)?;
+            match self.pending.take() {
+                Some((Transition::Configure, _)) => return Ok(true),
+                Some((Transition::ShutdownUnconfigured, _)) => return Ok(false),
+                Some(_) | None => self.wait(now)?,
+            }
+        }
+    }
+
+    fn fail(&mut self, error: Error) -> Result {
+        let reason = error.to_string();
+        let line = reason.lines().next().unwrap_or_default();
+        if self.state == State::Configuring {
+            self.change(State::Unconfigured, line)?;
+        } else {
+            self.change(State::ErrorProcessing, line)?;
+            self.change(State::Finalized, line)?;
+        }
+        Err(error)
+    }
+
+    /// Does what was asked; true where the node's code has to return for it.
+    fn obey(&mut self, transition: Transition) -> Result<bool> {
+        if self.state == State::Active && transition != Transition::Deactivate {
+            self.deactivate()?;
+        }
+        match transition {
+            Transition::Activate => self.activate()?,
+            Transition::Deactivate => self.deactivate()?,
+            Transition::CleanUp => self.change(State::CleaningUp, "")?,
+            Transition::ShutdownUnconfigured
+            | Transition::ShutdownInactive
+            | Transition::ShutdownActive => self.change(State::ShuttingDown, "")?,
+            Transition::Configure => {}
+        }
+        Ok(!matches!(self.state, State::Active | State::Inactive))
+    }
+
+    fn activate(&mut self) -> Result {
+        self.change(State::Activating, "")?;
+        // What came while the node's code was not running is not for it.
+        self.drain()?;
+        self.activated = true;
+        self.due = clock::now();
+        self.change(State::Active, "")
+    }
+
+    fn deactivate(&mut self) -> Result {
+        self.change(State::Deactivating, "")?;
+        self.drain()?;
+        self.change(State::Inactive, "")
+    }
+
+    fn drain(&self) -> Result {
+        self.ports.iter().try_for_each(|port| port.0.drain())
+    }
+
+    /// Notes the next request that fits the node's state; a signal is a request to end.
+    fn take_request(&mut self, now: Stamp) -> Result {
+        if self.pending.is_some() {
+            return Ok(());
+        }
+        if self.settings.heeds_signals() && 0 < signal::stop_requests() {
+            self.pending = Transition::shutdown_from(self.state).map(|end| (end, now));
+            return Ok(());
+        }
+        while let Some(request) = self.requests.receive()? {
+            match Transition::try_from(request.transition) {
+                Ok(transition) if transition.start() == self.state => {
+                    self.pending = Some((transition, now));
+                    return Ok(());
+                }
+                Ok(transition) => {
+                    tracing::warn!(%transition, state = %self.state, "refused a transition");
+                    self.announce(self.state, "refused a transition that does not start here")?;
+                }
+                Err(cause) => tracing::warn!(%cause, "refused a transition"),
+            }
+        }
+        self.autostart(now);
+        Ok(())
+    }
+
+    /// A node that nobody supervises configures and activates itself.
+    fn autostart(&mut self, now: Stamp) {
+        if !self.settings.autostart() {
+            return;
+        }
+        let next = match self.state {
+            State::Unconfigured => Some(Transition::Configure),
+            State::Inactive => Some(Transition::Activate),
+            _ => None,
+        };
+        self.pending = next.map(|next| (next, now));
+    }
+
+    fn change(&mut self, goal: State, reason: &str) -> Result {
+        let start = std::mem::replace(&mut self.state, goal);
+        tracing::debug!(%start, %goal, "changed state");
+        // The counters first: whoever sees the new state finds them.
+        self.send_status(clock::now())?;
+        self.announce(start, reason)
+    }
+
+    fn announce(&mut self, start: State, reason: &str) -> Result {
+        let goal = self.state;
+        self.events.send_with(|event| {
+            event.header.stamp = clock::now();
+            event.start_state = start as u8;
+            event.goal_state = goal as u8;
+            event.reason = Text::new(reason);
+        })
+    }
+
+    fn send_status(&mut self, now: Stamp) -> Result {
+        self.status_due = now.after(STATUS_PERIOD);
+        let report = &mut *self.report;
+        report.header.stamp = now;
+        report.state = self.state as u8;
+        if self.state != State::Unconfigured && self.state != State::Finalized {
+            let ports = self.ports.iter().take(PORTS_MAX);
+            report.port_count = u32::try_from(ports.len()).unwrap_or_default();
+            for (slot, port) in report.port.iter_mut().zip(ports) {
+                *slot = port.0.status();
+            }
+            report.value_count = self.figures.write(&mut report.value);
+        }
+        self.status.send_with(|status| *status = *report)
+    }
+}

@@ -1,0 +1,7 @@
+//! Agreement with ROS 2, and what must hold for any stream.
+
+mod allocation;
+mod invariants;
+mod limits;
+mod parity;
+mod streams;

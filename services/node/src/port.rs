@@ -1,0 +1,271 @@
+//! Publishers and subscribers that stamp, count and refuse.
+
+use std::cell::{Cell, RefCell};
+use std::fmt;
+use std::ops::Deref;
+use std::rc::Rc;
+
+use iceoryx2::prelude::{CallbackProgression, PortFactory as _, ipc};
+use interfaces::{Message, PortStatus, Text};
+use xxhash_rust::xxh3::Xxh3;
+
+use crate::session::Service;
+use crate::wake::Wakers;
+use crate::{Error, Result};
+
+/// What a node asks of its own ports.
+pub(crate) trait Port {
+    /// Its counters.
+    fn status(&self) -> PortStatus;
+
+    /// Drops what is queued, and counts it as unread.
+    fn drain(&self) -> Result<()>;
+}
+
+/// The one publisher of a topic.
+pub struct Publisher<T: Message> {
+    port: iceoryx2::port::publisher::Publisher<ipc::Service, T, ()>,
+    service: Service<T>,
+    wakers: Rc<Wakers>,
+    readers: Vec<String>,
+    reader_count: usize,
+    epoch: u32,
+    state: Rc<Sent>,
+}
+
+/// What a publisher has sent so far.
+struct Sent {
+    topic: String,
+    samples: Cell<u64>,
+    digest: RefCell<Xxh3>,
+}
+
+impl<T: Message> Publisher<T> {
+    pub(crate) fn new(
+        topic: String,
+        epoch: u32,
+        service: Service<T>,
+        port: iceoryx2::port::publisher::Publisher<ipc::Service, T, ()>,
+        wakers: Rc<Wakers>,
+    ) -> Self {
+        let state = Sent { topic, samples: Cell::new(0), digest: RefCell::new(Xxh3::new()) };
+        Self {
+            port,
+            service,
+            wakers,
+            readers: Vec::new(),
+            reader_count: 0,
+            epoch,
+            state: Rc::new(state),
+        }
+    }
+
+    /// Sends one sample, written by `fill` where it lies in shared memory. `fill` sees a zeroed
+    /// sample and sets its stamp; sequence number and epoch are the port's.
+    pub fn send_with(&mut self, fill: impl FnOnce(&mut T)) -> Result<()> {
+        let mut sample =
+            self.port.loan().map_err(|cause| self.failed("take shared memory for", cause))?;
+        let message = sample.payload_mut();
+        fill(message);
+        let header = message.header_mut();
+        header.sequence = self.state.samples.get();
+        header.epoch = self.epoch;
+        self.state.digest.borrow_mut().update(bytemuck::bytes_of(message));
+        sample.send().map_err(|cause| self.failed("send on", cause))?;
+        self.state.samples.set(self.state.samples.get() + 1);
+        self.wake_readers();
+        Ok(())
+    }
+
+    /// Sends one small sample.
+    pub fn send(&mut self, message: T) -> Result<()> {
+        self.send_with(|sample| *sample = message)
+    }
+
+    /// How many readers there are.
+    pub fn readers(&self) -> usize {
+        self.service.dynamic_config().number_of_subscribers()
+    }
+
+    fn wake_readers(&mut self) {
+        // A reader that restarts under its old name keeps its channel, so counting is enough.
+        let count = self.readers();
+        if count != self.reader_count {
+            self.reader_count = count;
+            self.readers.clear();
+            self.service.dynamic_config().list_subscribers(|reader| {
+                if !reader.subscriber_name.is_empty() {
+                    self.readers.push(reader.subscriber_name.to_string());
+                }
+                CallbackProgression::Continue
+            });
+            self.readers.sort();
+            self.readers.dedup();
+        }
+        for reader in &self.readers {
+            self.wakers.wake(reader);
+        }
+    }
+
+    fn failed(&self, action: &str, cause: impl fmt::Debug) -> Error {
+        Error::shared_memory(format!("{action} topic '{}'", self.state.topic), cause)
+    }
+
+    pub(crate) fn port(&self) -> Rc<dyn Port> {
+        Rc::clone(&self.state) as Rc<dyn Port>
+    }
+}
+
+impl<T: Message> fmt::Debug for Publisher<T> {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, "Publisher({})", self.state.topic)
+    }
+}
+
+impl Port for Sent {
+    fn status(&self) -> PortStatus {
+        PortStatus {
+            topic: Text::new(&self.topic),
+            publishes: 1,
+            samples: self.samples.get(),
+            digest: self.digest.borrow().digest(),
+            ..PortStatus::default()
+        }
+    }
+
+    fn drain(&self) -> Result<()> {
+        Ok(())
+    }
+}
+
+/// One reader of a topic.
+pub struct Subscriber<T: Message> {
+    state: Rc<Received<T>>,
+}
+
+/// A reader's port, and what came through it so far.
+struct Received<T: Message> {
+    topic: String,
+    port: iceoryx2::port::subscriber::Subscriber<ipc::Service, T, ()>,
+    /// Held, so that the topic stays while the reader does.
+    _service: Service<T>,
+    epoch: Cell<u32>,
+    next_sequence: Cell<u64>,
+    samples: Cell<u64>,
+    lost: Cell<u64>,
+    unread: Cell<u64>,
+    stale: Cell<u64>,
+}
+
+impl<T: Message> Subscriber<T> {
+    pub(crate) fn new(
+        topic: String,
+        service: Service<T>,
+        port: iceoryx2::port::subscriber::Subscriber<ipc::Service, T, ()>,
+    ) -> Self {
+        let state = Received {
+            topic,
+            port,
+            _service: service,
+            epoch: Cell::new(0),
+            next_sequence: Cell::new(0),
+            samples: Cell::new(0),
+            lost: Cell::new(0),
+            unread: Cell::new(0),
+            stale: Cell::new(0),
+        };
+        Self { state: Rc::new(state) }
+    }
+
+    /// The oldest sample that is queued, borrowed where it lies in shared memory.
+    pub fn receive(&mut self) -> Result<Option<Sample<T>>> {
+        let sample = self.state.next()?;
+        if sample.is_some() {
+            self.state.samples.set(self.state.samples.get() + 1);
+        }
+        Ok(sample)
+    }
+
+    /// The newest sample that is queued; the older ones are received too, and dropped.
+    pub fn latest(&mut self) -> Result<Option<Sample<T>>> {
+        let mut latest = None;
+        while let Some(sample) = self.receive()? {
+            latest = Some(sample);
+        }
+        Ok(latest)
+    }
+
+    pub(crate) fn port(&self) -> Rc<dyn Port>
+    where
+        T: 'static,
+    {
+        Rc::clone(&self.state) as Rc<dyn Port>
+    }
+}
+
+impl<T: Message> fmt::Debug for Subscriber<T> {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, "Subscriber({})", self.state.topic)
+    }
+}
+
+impl<T: Message> Received<T> {
+    /// The next sample of the publisher's newest life.
+    fn next(&self) -> Result<Option<Sample<T>>> {
+        loop {
+            let received = self.port.receive().map_err(|cause| {
+                Error::shared_memory(format!("receive from topic '{}'", self.topic), cause)
+            })?;
+            let Some(sample) = received else { return Ok(None) };
+            let header = *sample.payload().header();
+            if header.epoch < self.epoch.get() {
+                self.stale.set(self.stale.get() + 1);
+                continue;
+            }
+            if header.epoch == self.epoch.get() {
+                let gap = header.sequence.saturating_sub(self.next_sequence.get());
+                self.lost.set(self.lost.get() + gap);
+            }
+            self.epoch.set(header.epoch);
+            self.next_sequence.set(header.sequence + 1);
+            return Ok(Some(Sample(sample)));
+        }
+    }
+}
+
+impl<T: Message> Port for Received<T> {
+    fn status(&self) -> PortStatus {
+        PortStatus {
+            topic: Text::new(&self.topic),
+            samples: self.samples.get(),
+            lost: self.lost.get(),
+            unread: self.unread.get(),
+            stale: self.stale.get(),
+            ..PortStatus::default()
+        }
+    }
+
+    fn drain(&self) -> Result<()> {
+        while self.next()?.is_some() {
+            self.unread.set(self.unread.get() + 1);
+        }
+        Ok(())
+    }
+}
+
+/// A sample, borrowed from shared memory for as long as it is held.
+pub struct Sample<T: Message>(iceoryx2::sample::Sample<ipc::Service, T, ()>);
+
+impl<T: Message> Deref for Sample<T> {
+    type Target = T;
+
+    fn deref(&self) -> &T {
+        self.0.payload()
+    }
+}
+
+impl<T: Message> fmt::Debug for Sample<T> {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.payload().fmt(formatter)
+    }
+}

@@ -1,0 +1,235 @@
+//! One process's membership in a robot's shared memory: opens topics and wake-up channels.
+
+use std::rc::Rc;
+use std::time::Duration;
+
+use iceoryx2::prelude::{
+    BackpressureStrategy, NodeBuilder, NodeName, PortName, ServiceName, SignalHandlingMode, ipc,
+};
+use iceoryx2::service::builder::event::EventOpenOrCreateError;
+use iceoryx2::service::builder::publish_subscribe::{
+    PublishSubscribeOpenError, PublishSubscribeOpenOrCreateError,
+};
+use iceoryx2::service::port_factory;
+use interfaces::{Loss, Message, Topic};
+
+use crate::port::{Publisher, Subscriber};
+use crate::wake::Wakers;
+use crate::{Error, Namespace, Result, clock};
+
+pub(crate) type Service<T> = port_factory::publish_subscribe::PortFactory<ipc::Service, T, ()>;
+pub(crate) type WakeService = port_factory::event::PortFactory<ipc::Service>;
+
+/// [-] Readers of one topic: the robot's processes, observers and recorders.
+const SUBSCRIBERS_MAX: usize = 16;
+
+/// [-] Processes that may take part in one topic or channel, the dead ones not yet cleared included.
+const NODES_MAX: usize = 32;
+
+/// [-] Samples that a reader may hold beside its queue: a full queue and the one at hand.
+const BORROWED_SPARE: usize = 2;
+
+/// [-] Attempts to open what another process is just making or clearing away.
+const OPEN_ATTEMPTS: u32 = 100;
+
+/// Long enough for another process to finish a system call.
+const OPEN_PAUSE: Duration = Duration::from_millis(5);
+
+/// A process's membership in a robot's shared memory. Its ports stay on the thread that made it.
+#[derive(Debug)]
+pub struct Session {
+    name: String,
+    epoch: u32,
+    wakers: Rc<Wakers>,
+}
+
+impl Session {
+    /// Joins `namespace` under `name`, in life number `epoch` of that name.
+    pub fn join(namespace: &Namespace, name: &str, epoch: u32) -> Result<Self> {
+        let config = namespace.enter()?;
+        let node_name = NodeName::new(name).map_err(|_| Error::Name { name: name.to_owned() })?;
+        let node = retry(
+            || {
+                NodeBuilder::new()
+                    .name(&node_name)
+                    .config(&config)
+                    .signal_handling_mode(SignalHandlingMode::Disabled)
+                    .create::<ipc::Service>()
+            },
+            |_| true,
+        )
+        .map_err(|cause| {
+            Error::shared_memory(format!("join robot '{}'", namespace.robot()), cause)
+        })?;
+        Ok(Self { name: name.to_owned(), epoch, wakers: Rc::new(Wakers::new(node)) })
+    }
+
+    /// Its name.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Becomes the one publisher of `topic`, of this session's own where each node has one.
+    pub fn publisher<T: Message>(&self, topic: &Topic<T>) -> Result<Publisher<T>> {
+        self.publisher_to(topic, &self.name)
+    }
+
+    /// Becomes the one publisher of `topic` that belongs to `owner`.
+    pub fn publisher_to<T: Message>(&self, topic: &Topic<T>, owner: &str) -> Result<Publisher<T>> {
+        let name = topic.full_name(owner);
+        let service = self.open(topic, owner)?;
+        let port = retry(
+            || {
+                service
+                    .publisher_builder()
+                    .name(&port_name(&self.name))
+                    .max_loaned_samples(1)
+                    .backpressure_strategy(BackpressureStrategy::DiscardData)
+                    .create()
+            },
+            |_| false,
+        )
+        .map_err(|_| Error::Taken { topic: name.clone(), publisher: topic.publisher })?;
+        Ok(Publisher::new(name, self.epoch, service, port, Rc::clone(&self.wakers)))
+    }
+
+    /// A reader of `topic`, of this session's own where each node has one. Every sample wakes it.
+    pub fn subscriber<T: Message>(&self, topic: &Topic<T>) -> Result<Subscriber<T>> {
+        self.subscriber_as(topic, &self.name, &self.name)
+    }
+
+    /// A reader of `topic` that belongs to `owner`. Every sample wakes this session.
+    pub fn subscriber_to<T: Message>(
+        &self,
+        topic: &Topic<T>,
+        owner: &str,
+    ) -> Result<Subscriber<T>> {
+        self.subscriber_as(topic, owner, &self.name)
+    }
+
+    /// A reader of `topic` that no sample wakes: for what is looked at when something else wakes.
+    pub fn quiet_subscriber<T: Message>(&self, topic: &Topic<T>) -> Result<Subscriber<T>> {
+        self.subscriber_as(topic, &self.name, "")
+    }
+
+    fn subscriber_as<T: Message>(
+        &self,
+        topic: &Topic<T>,
+        owner: &str,
+        wakes: &str,
+    ) -> Result<Subscriber<T>> {
+        let name = topic.full_name(owner);
+        let service = self.open(topic, owner)?;
+        let history = usize::from(topic.loss == Loss::Latched);
+        let port = service
+            .subscriber_builder()
+            .name(&port_name(wakes))
+            .buffer_size(topic.depth)
+            .history_request(history)
+            .create()
+            .map_err(|cause| Error::shared_memory(format!("read topic '{name}'"), cause))?;
+        Ok(Subscriber::new(name, service, port))
+    }
+
+    /// Opens `topic` without a port and holds it open: for the one process that outlives the rest.
+    pub fn hold<T: Message>(&self, topic: &Topic<T>, owner: &str) -> Result<Held> {
+        Ok(Held(Box::new(self.open(topic, owner)?)))
+    }
+
+    fn open<T: Message>(&self, topic: &Topic<T>, owner: &str) -> Result<Service<T>> {
+        let name = topic.full_name(owner);
+        let service_name = service_name(&name)?;
+        let history = usize::from(topic.loss == Loss::Latched);
+        let open = || {
+            self.wakers
+                .node()
+                .service_builder(&service_name)
+                .publish_subscribe::<T>()
+                .max_publishers(1)
+                .max_subscribers(SUBSCRIBERS_MAX)
+                .max_nodes(NODES_MAX)
+                .history_size(history)
+                .subscriber_max_buffer_size(topic.depth)
+                .subscriber_max_borrowed_samples(topic.depth + BORROWED_SPARE)
+                .enable_safe_overflow(true)
+                .open_or_create()
+        };
+        retry(open, |cause| !is_incompatible(*cause)).map_err(|cause| {
+            if is_incompatible(cause) {
+                let message = std::any::type_name::<T>().rsplit("::").next().unwrap_or_default();
+                Error::Incompatible { topic: name, message }
+            } else {
+                Error::shared_memory(format!("open topic '{name}'"), cause)
+            }
+        })
+    }
+
+    /// The channel on which others wake `owner`.
+    pub(crate) fn wake_service(&self, owner: &str) -> Result<WakeService> {
+        open_wake_service(self.wakers.node(), owner)
+    }
+}
+
+/// A topic that is held open without a port.
+#[derive(Debug)]
+pub struct Held(
+    #[expect(dead_code, reason = "dropped, and that is its use")] Box<dyn std::fmt::Debug>,
+);
+
+pub(crate) fn open_wake_service(
+    node: &iceoryx2::node::Node<ipc::Service>,
+    owner: &str,
+) -> Result<WakeService> {
+    let name = format!("wake/{owner}");
+    let service_name = service_name(&name)?;
+    let open = || {
+        node.service_builder(&service_name)
+            .event()
+            .max_listeners(2)
+            .max_notifiers(64)
+            .max_nodes(NODES_MAX)
+            .event_id_max_value(1)
+            .open_or_create()
+    };
+    retry(open, |_: &EventOpenOrCreateError| true)
+        .map_err(|cause| Error::shared_memory(format!("open channel '{name}'"), cause))
+}
+
+fn is_incompatible(cause: PublishSubscribeOpenOrCreateError) -> bool {
+    let PublishSubscribeOpenOrCreateError::PublishSubscribeOpenError(cause) = cause else {
+        return false;
+    };
+    matches!(
+        cause,
+        PublishSubscribeOpenError::IncompatibleTypes
+            | PublishSubscribeOpenError::IncompatibleOverflowBehavior
+            | PublishSubscribeOpenError::DoesNotSupportRequestedMinBufferSize
+            | PublishSubscribeOpenError::DoesNotSupportRequestedMinHistorySize
+            | PublishSubscribeOpenError::DoesNotSupportRequestedMinSubscriberBorrowedSamples
+            | PublishSubscribeOpenError::DoesNotSupportRequestedAmountOfPublishers
+            | PublishSubscribeOpenError::DoesNotSupportRequestedAmountOfSubscribers
+            | PublishSubscribeOpenError::DoesNotSupportRequestedAmountOfNodes
+    )
+}
+
+/// Another process may be just making or clearing away what we open: try again, but not for ever.
+fn retry<T, E>(
+    mut attempt: impl FnMut() -> std::result::Result<T, E>,
+    is_passing: impl Fn(&E) -> bool,
+) -> std::result::Result<T, E> {
+    for _ in 1..OPEN_ATTEMPTS {
+        match attempt() {
+            Err(cause) if is_passing(&cause) => clock::nap(OPEN_PAUSE),
+            outcome => return outcome,
+        }
+    }
+    attempt()
+}
+
+fn service_name(name: &str) -> Result<ServiceName> {
+    ServiceName::new(name).map_err(|_| Error::Name { name: name.to_owned() })
+}
+
+fn port_name(name: &str) -> PortName {
+    PortName::new(name).unwrap_or_else(|_| PortName::new("").unwrap_or_else(|_| unreachable!()))
+}

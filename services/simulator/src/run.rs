@@ -1,0 +1,294 @@
+//! The process: a command in, one step of the world, what the sensors see out.
+
+use std::time::Duration;
+
+use interfaces::topics::{JOINT_STATES, POSE, ROBOT_POSE, SCAN, VELOCITY_COMMAND};
+use interfaces::{JointState, LaserScan, Outcome, Pose, Stamp, VelocityCommand};
+use node::config::Layers;
+use node::launch::Until;
+use node::{Clock, Error, Gauge, Latency, Node, Publisher, Result, Subscriber};
+
+use crate::{Config, Simulator, World};
+
+/// In lock-step one lost command stalls everything: better to end and say so.
+const COMMAND_TIMEOUT: Duration = Duration::from_secs(10);
+
+/// Runs the simulator as a managed node.
+pub fn run(node: &mut Node<'_>) -> Result {
+    let mut config: Config = node.parameters()?;
+    let world: World = Layers::new().named(&config.world).parse()?;
+    config.seed = node.settings().launch().seed;
+    let simulator = Simulator::new(&config, &world)
+        .map_err(|cause| Error::Fault(format!("{}: {cause}", config.world.path().display())))?;
+    let robot = Robot::new(node, simulator, &config)?;
+    match node.clock() {
+        Clock::Lockstep => lockstep(node, robot),
+        Clock::Realtime => realtime(node, robot, Duration::from_secs_f64(config.dt_s)),
+    }
+}
+
+/// The world waits for each command, and advances one period with it.
+fn lockstep(node: &mut Node<'_>, mut robot: Robot) -> Result {
+    while let Some(tick) = node.tick()? {
+        if tick.activated {
+            robot.report_rest(None)?;
+            // A first step at rest sets the loop going.
+            robot.step(0.0, 0.0);
+            robot.sense(None, tick.now)?;
+            node.hold();
+        }
+        while let Some(command) = robot.commands.receive()? {
+            robot.age.record(tick.now.since(robot.sensed));
+            robot.step(command.linear, command.angular);
+            // Everything sent so far has come to its reader: the one moment at which to pause.
+            node.release();
+            if robot.finish_if_ended(node)? || node.leaving()? {
+                break;
+            }
+            robot.sense(None, tick.now)?;
+            node.hold();
+        }
+        if !robot.has_ended && COMMAND_TIMEOUT < tick.now.since(robot.sensed) {
+            let waited = COMMAND_TIMEOUT.as_secs();
+            return Err(Error::Fault(format!("no command for {waited} s in lock-step")));
+        }
+    }
+    Ok(())
+}
+
+/// The world moves on by itself, with the newest command as long as that is fresh.
+fn realtime(node: &mut Node<'_>, mut robot: Robot, dt: Duration) -> Result {
+    node.set_period(dt);
+    let mut newest: Option<(Stamp, VelocityCommand)> = None;
+    while let Some(tick) = node.tick()? {
+        if tick.activated {
+            newest = None;
+            robot.report_rest(Some(tick.now))?;
+        }
+        while let Some(command) = robot.commands.receive()? {
+            robot.age.record(tick.now.since(command.header.stamp));
+            newest = Some((tick.now, *command));
+        }
+        if !tick.due || robot.has_ended {
+            continue;
+        }
+        // Whoever drives the wheels stops them where commands cease: their sender may be dead.
+        let fresh =
+            newest.filter(|(received, _)| tick.now.since(*received) <= VELOCITY_COMMAND.deadline);
+        let (linear, angular) =
+            fresh.map_or((0.0, 0.0), |(_, command)| (command.linear, command.angular));
+        robot.step(linear, angular);
+        if !robot.finish_if_ended(node)? {
+            robot.sense(Some(tick.now), tick.now)?;
+        }
+    }
+    Ok(())
+}
+
+/// The simulated robot with its wires.
+struct Robot {
+    simulator: Simulator,
+    until: Option<Until>,
+    for_s: Option<f64>,
+    stop_at_collision: bool,
+    has_ended: bool,
+    sensed: Stamp,
+    joint_states: Option<Publisher<JointState>>,
+    poses: Option<Publisher<Pose>>,
+    scans: Publisher<LaserScan>,
+    commands: Subscriber<VelocityCommand>,
+    estimates: Subscriber<Pose>,
+    was_localized: bool,
+    age: Latency,
+    gauges: Gauges,
+}
+
+impl Robot {
+    fn new(node: &mut Node<'_>, simulator: Simulator, config: &Config) -> Result<Self> {
+        let launch = node.settings().launch();
+        let (until, for_s) = (launch.until, launch.for_s);
+        let (joint_states, poses) = if config.reports_pose {
+            (None, Some(node.publish(&ROBOT_POSE)?))
+        } else {
+            (Some(node.publish(&JOINT_STATES)?), None)
+        };
+        let gauges = Gauges::new(node);
+        gauges.set(&simulator);
+        Ok(Self {
+            simulator,
+            until,
+            for_s,
+            stop_at_collision: config.stop_at_collision,
+            has_ended: false,
+            sensed: Stamp::ZERO,
+            joint_states,
+            poses,
+            scans: node.publish(&SCAN)?,
+            commands: node.subscribe(&VELOCITY_COMMAND)?,
+            estimates: node.subscribe_quietly(&POSE)?,
+            was_localized: false,
+            age: node.latency("scan_to_command"),
+            gauges,
+        })
+    }
+
+    /// One period of driving; the estimated pose is compared before, as the lab does.
+    fn step(&mut self, linear: f64, angular: f64) {
+        self.check_estimate();
+        self.simulator.step(linear, angular);
+        self.gauges.set(&self.simulator);
+    }
+
+    fn check_estimate(&mut self) {
+        let Ok(Some(estimate)) = self.estimates.latest() else { return };
+        let error = self.simulator.check_estimate(&estimate);
+        self.gauges.position_error.set(error.position);
+        self.gauges.heading_error.set(error.heading);
+        let is_localized = estimate.localized == 1;
+        if is_localized && !self.was_localized {
+            tracing::warn!(
+                x = estimate.x,
+                y = estimate.y,
+                yaw = estimate.yaw,
+                position_error = error.position,
+                heading_error = error.heading,
+                within = error.within,
+                "localized"
+            );
+        }
+        self.was_localized = is_localized;
+    }
+
+    /// The reference that a difference of poses begins with, before the first step.
+    fn report_rest(&mut self, stamp: Option<Stamp>) -> Result {
+        self.report_pose(stamp)
+    }
+
+    /// Publishes what the sensors see: the wheels or the pose, then the scan. `stamp` is simulated
+    /// time where it is not given.
+    fn sense(&mut self, stamp: Option<Stamp>, now: Stamp) -> Result {
+        let simulator = &mut self.simulator;
+        if let Some(joint_states) = &mut self.joint_states {
+            joint_states.send_with(|joints| {
+                simulator.fill_joint_state(joints);
+                joints.header.stamp = stamp.unwrap_or(joints.header.stamp);
+            })?;
+        }
+        self.report_pose(stamp)?;
+        let simulator = &mut self.simulator;
+        self.scans.send_with(|scan| {
+            simulator.sense(scan);
+            scan.header.stamp = stamp.unwrap_or(scan.header.stamp);
+        })?;
+        self.sensed = now;
+        Ok(())
+    }
+
+    fn report_pose(&mut self, stamp: Option<Stamp>) -> Result {
+        let Some(poses) = &mut self.poses else { return Ok(()) };
+        let world_from_base = self.simulator.world_from_base();
+        let time = self.simulator.time();
+        poses.send_with(|pose| {
+            pose.header.stamp = stamp.unwrap_or(time);
+            pose.x = world_from_base.translation.x;
+            pose.y = world_from_base.translation.y;
+            pose.yaw = world_from_base.rotation.angle();
+        })
+    }
+
+    /// Says so, once, where the run has come to its end.
+    fn finish_if_ended(&mut self, node: &mut Node<'_>) -> Result<bool> {
+        if self.has_ended {
+            return Ok(true);
+        }
+        let Some((outcome, why)) = self.ending() else { return Ok(false) };
+        self.has_ended = true;
+        node.finish(outcome, &why)?;
+        Ok(true)
+    }
+
+    fn ending(&self) -> Option<(Outcome, String)> {
+        let simulator = &self.simulator;
+        let time = simulator.time().seconds();
+        let progress = simulator.progress();
+        let path = progress.path();
+        if self.stop_at_collision && 0 < simulator.collisions() {
+            let position = simulator.world_from_base().translation;
+            let (x, y) = (position.x, position.y);
+            let why =
+                format!("touched a wall at x {x:.3} m, y {y:.3} m after {time:.2} s, cells {path}");
+            return Some((Outcome::Failed, why));
+        }
+        match self.until {
+            Some(Until::RoundTrip) if progress.is_round_trip() => {
+                return Some((Outcome::Done, format!("round trip, cells {path}")));
+            }
+            Some(Until::Goal) if simulator.is_goal_reached() => {
+                return Some((Outcome::Done, "goal reached".to_owned()));
+            }
+            Some(Until::RoundTrip | Until::Goal) | None => {}
+        }
+        let limit = self.for_s.filter(|&limit| limit <= time + TIME_TINY)?;
+        Some(match self.until {
+            None => (Outcome::Done, format!("{limit} s are over, cells {path}")),
+            Some(Until::RoundTrip) => {
+                (Outcome::Failed, format!("{limit} s are over, no round trip, cells {path}"))
+            }
+            Some(Until::Goal) => {
+                (Outcome::Failed, format!("{limit} s are over, no goal, cells {path}"))
+            }
+        })
+    }
+}
+
+/// [s] Far less than a period: what sums of periods are off by.
+const TIME_TINY: f64 = 1e-9;
+
+/// What the simulator knows about the run, for whoever looks at the node's status.
+struct Gauges {
+    simulated: Gauge,
+    steps: Gauge,
+    distance: Gauge,
+    clearance: Gauge,
+    clearance_min: Gauge,
+    collisions: Gauge,
+    commands_limited: Gauge,
+    cells: Gauge,
+    cells_out: Gauge,
+    cells_back: Gauge,
+    position_error: Gauge,
+    heading_error: Gauge,
+}
+
+impl Gauges {
+    fn new(node: &mut Node<'_>) -> Self {
+        Self {
+            simulated: node.gauge("simulated_s"),
+            steps: node.gauge("steps"),
+            distance: node.gauge("distance_m"),
+            clearance: node.gauge("clearance_m"),
+            clearance_min: node.gauge("clearance_min_m"),
+            collisions: node.gauge("collisions"),
+            commands_limited: node.gauge("commands_limited"),
+            cells: node.gauge("cells"),
+            cells_out: node.gauge("cells_out"),
+            cells_back: node.gauge("cells_back"),
+            position_error: node.gauge("estimate_error_m"),
+            heading_error: node.gauge("estimate_error_rad"),
+        }
+    }
+
+    fn set(&self, simulator: &Simulator) {
+        let progress = simulator.progress();
+        self.simulated.set(simulator.time().seconds());
+        self.steps.set(simulator.steps() as f64);
+        self.distance.set(simulator.distance());
+        self.clearance.set(simulator.clearance());
+        self.clearance_min.set(simulator.clearance_min());
+        self.collisions.set(simulator.collisions() as f64);
+        self.commands_limited.set(simulator.commands_limited() as f64);
+        self.cells.set(progress.cells() as f64);
+        self.cells_out.set(progress.reached() as f64);
+        self.cells_back.set((progress.visited().len() - progress.reached()) as f64);
+    }
+}

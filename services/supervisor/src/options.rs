@@ -1,0 +1,89 @@
+//! The options of `teseo up`, most of which are shorthands for settings of the launch file.
+
+use std::fmt::Write;
+use std::path::PathBuf;
+
+use clap::Args;
+
+/// What to run, and how.
+#[derive(Debug, Clone, Args)]
+pub struct Options {
+    /// The launch file
+    #[arg(value_name = "CONFIG", default_value = "config/simulation.toml")]
+    pub config: PathBuf,
+
+    /// World file, or the name of one beside the launch file (simulator.world)
+    #[arg(long, value_name = "FILE")]
+    pub world: Option<String>,
+
+    /// Start pose, by its name in the world (simulator.start)
+    #[arg(long, value_name = "NAME")]
+    pub start: Option<String>,
+
+    /// Seed of everything random
+    #[arg(long, value_name = "NUMBER")]
+    pub seed: Option<u64>,
+
+    /// Whose time the robot lives in: lockstep or realtime
+    #[arg(long, value_name = "CLOCK")]
+    pub clock: Option<String>,
+
+    /// End after this long, of the robot's own time
+    #[arg(long = "for", value_name = "SECONDS")]
+    pub for_s: Option<f64>,
+
+    /// End when this is reached: round-trip or goal
+    #[arg(long, value_name = "END")]
+    pub until: Option<String>,
+
+    /// The robot's name: two of one name cannot run at once
+    #[arg(long, value_name = "NAME")]
+    pub robot: Option<String>,
+
+    /// Set any key of the launch file (`clock=realtime`) or of a process (`simulator.lidar.noise=gazebo`)
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub sets: Vec<String>,
+
+    /// Also write the report to this file, as JSON
+    #[arg(long, value_name = "FILE")]
+    pub report: Option<PathBuf>,
+
+    #[command(flatten)]
+    #[allow(missing_docs, reason = "the flattened options document themselves")]
+    pub log: node::log::Options,
+}
+
+impl Options {
+    /// Every setting of the command line as `KEY=VALUE`, the explicit ones last.
+    pub(crate) fn sets(&self) -> Vec<String> {
+        let quoted = |key: &str, value: &Option<String>| {
+            value.as_ref().map(|value| format!("{key}={}", toml_string(value)))
+        };
+        let shorthands = [
+            quoted("simulator.world", &self.world),
+            quoted("simulator.start", &self.start),
+            self.seed.map(|seed| format!("seed={seed}")),
+            quoted("clock", &self.clock),
+            self.for_s.map(|seconds| format!("for_s={seconds:?}")),
+            quoted("until", &self.until),
+            quoted("robot", &self.robot),
+        ];
+        shorthands.into_iter().flatten().chain(self.sets.iter().cloned()).collect()
+    }
+}
+
+/// As a TOML string, whatever it contains.
+fn toml_string(text: &str) -> String {
+    let mut quoted = String::from('"');
+    for character in text.chars() {
+        match character {
+            '"' | '\\' => quoted.extend(['\\', character]),
+            control if control.is_control() => {
+                let _ = write!(quoted, "\\u{:04x}", u32::from(control));
+            }
+            plain => quoted.push(plain),
+        }
+    }
+    quoted.push('"');
+    quoted
+}

@@ -1,0 +1,383 @@
+//! What is left of a run: on screen as text, in a file as JSON.
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::path::Path;
+use std::time::Duration;
+
+use node::config::{FileName, Parameters};
+use node::{Clock, Error, Result, Settings};
+use serde::Deserialize;
+use serde_json::{Map, Value, json};
+
+use crate::Options;
+use crate::member::Member;
+use crate::supervise::Ending;
+
+/// The counters of one topic over a whole run.
+#[derive(Debug, Default)]
+struct Topic {
+    publisher: String,
+    sent: u64,
+    digest: u64,
+    readers: Vec<Reader>,
+}
+
+/// What came to one reader of a topic.
+#[derive(Debug)]
+struct Reader {
+    name: String,
+    received: u64,
+    lost: u64,
+    unread: u64,
+    stale: u64,
+}
+
+impl Topic {
+    /// Whether everything that was sent is accounted for by every reader.
+    fn is_closed(&self) -> bool {
+        self.readers
+            .iter()
+            .all(|reader| reader.received + reader.lost + reader.unread + reader.stale == self.sent)
+    }
+
+    fn received(&self) -> u64 {
+        self.readers.iter().map(|reader| reader.received).min().unwrap_or_default()
+    }
+
+    fn lost(&self) -> u64 {
+        self.readers.iter().map(|reader| reader.lost).sum()
+    }
+
+    fn unread(&self) -> u64 {
+        self.readers.iter().map(|reader| reader.unread).sum()
+    }
+}
+
+/// The node in the supervisor's own process.
+const PAIRING: &str = "pairing";
+
+/// The figures that every run is asked for, line by line.
+const LINES: [(&str, &[&str]); 4] = [
+    ("drive", &["distance_m", "clearance_min_m", "collisions", "commands_limited"]),
+    ("corridor", &["cells", "cells_out", "cells_back"]),
+    (
+        "scan to wheel",
+        &["scan_to_command_p50_us", "scan_to_command_p99_us", "scan_to_command_max_us"],
+    ),
+    ("pairing", &["pairs", "resets", "tickets_whose_sample_is_gone"]),
+];
+
+/// What pairing did as it should: the rest of its figures are reasons.
+const PAIRED: [&str; 4] = ["pairs", "resets", "scan_received", "odom_received"];
+
+/// Figures for the live line, or told elsewhere.
+const UNTOLD: [&str; 8] = [
+    "simulated_s",
+    "steps",
+    "clearance_m",
+    "x_m",
+    "y_m",
+    "yaw_rad",
+    "estimate_error_m",
+    "estimate_error_rad",
+];
+
+/// Where the robot drove, as far as a process has such parameters.
+#[derive(Debug, Default, Deserialize)]
+struct Place {
+    #[serde(default)]
+    world: Option<FileName>,
+    #[serde(default)]
+    start: Option<String>,
+}
+
+impl Parameters for Place {}
+
+/// What is left of a run.
+#[derive(Debug)]
+pub(crate) struct Report {
+    run: Vec<(&'static str, Value)>,
+    topics: BTreeMap<String, Topic>,
+    nodes: Vec<(String, Map<String, Value>)>,
+    memory_peak_kib: Vec<(String, u64)>,
+    wall: Duration,
+    cause: String,
+    code: u8,
+}
+
+impl Report {
+    pub(crate) fn new(
+        settings: &Settings,
+        options: &Options,
+        members: &[Member],
+        wall: Duration,
+        ending: &Ending,
+    ) -> Self {
+        let launch = settings.launch();
+        let clock = match launch.clock {
+            Clock::Lockstep => "lockstep",
+            Clock::Realtime => "realtime",
+        };
+        let config = options.config.display().to_string();
+        let places = launch.process.iter().filter_map(|process| settings.view(&process.name));
+        let place =
+            places.into_iter().find(|place: &Place| place.world.is_some()).unwrap_or_default();
+        let run = vec![
+            ("config", json!(config)),
+            ("world", json!(place.world.map(|world| world.path().display().to_string()))),
+            ("start", json!(place.start)),
+            ("robot", json!(launch.robot)),
+            ("clock", json!(clock)),
+            ("seed", json!(launch.seed)),
+        ];
+        Self {
+            run,
+            topics: topics(members),
+            nodes: members.iter().map(figures).collect(),
+            memory_peak_kib: members
+                .iter()
+                .map(|member| (member.name.clone(), member.memory_peak_kib))
+                .collect(),
+            wall,
+            cause: ending.cause(),
+            code: ending.code(),
+        }
+    }
+
+    /// Over every sample of every topic, in order; equal digests are equal runs.
+    fn digest(&self) -> String {
+        let mut bytes = Vec::new();
+        for (name, topic) in self.topics.iter().filter(|(_, topic)| 0 < topic.sent) {
+            bytes.extend_from_slice(name.as_bytes());
+            bytes.extend_from_slice(&topic.sent.to_le_bytes());
+            bytes.extend_from_slice(&topic.digest.to_le_bytes());
+        }
+        format!("{:016x}", xxhash_rust::xxh3::xxh3_64(&bytes))
+    }
+
+    fn figure(&self, key: &str) -> Option<f64> {
+        self.nodes.iter().find_map(|(_, figures)| figures.get(key)?.as_f64())
+    }
+
+    fn real_time_factor(&self) -> f64 {
+        let simulated = self.figure("simulated_s").unwrap_or_default();
+        let wall = self.wall.as_secs_f64();
+        if 0.0 < wall { simulated / wall } else { 0.0 }
+    }
+
+    /// For a machine.
+    fn json(&self) -> Value {
+        let mut report: Map<_, _> =
+            self.run.iter().map(|(key, value)| ((*key).to_owned(), value.clone())).collect();
+        report.insert("wall_s".into(), json!(self.wall.as_secs_f64()));
+        report.insert("real_time_factor".into(), json!(self.real_time_factor()));
+        report.insert("exit".into(), json!({ "code": self.code, "cause": self.cause }));
+        report.insert("digest".into(), json!(self.digest()));
+        report.insert("counters_close".into(), json!(self.topics.values().all(Topic::is_closed)));
+        let nodes: Map<_, _> =
+            self.nodes.iter().map(|(name, figures)| (name.clone(), json!(figures))).collect();
+        report.insert("nodes".into(), Value::Object(nodes));
+        let memory: Map<_, _> =
+            self.memory_peak_kib.iter().map(|(name, peak)| (name.clone(), json!(peak))).collect();
+        report.insert("memory_peak_kib".into(), Value::Object(memory));
+        let topics: Map<_, _> =
+            self.topics.iter().map(|(name, topic)| (name.clone(), topic_json(topic))).collect();
+        report.insert("topics".into(), Value::Object(topics));
+        Value::Object(report)
+    }
+
+    /// For a person.
+    pub(crate) fn text(&self) -> String {
+        let mut text = String::new();
+        self.write_run(&mut text);
+        self.write_topics(&mut text);
+        let memory = self.memory_peak_kib.iter().filter(|(_, peak)| 0 < *peak);
+        let memory: Vec<_> =
+            memory.map(|(name, peak)| format!("{name} {:.1}", *peak as f64 / 1024.0)).collect();
+        line(&mut text, "memory peak", &format!("{} MiB", memory.join(", ")));
+        line(&mut text, "digest", &self.digest());
+        line(&mut text, "end", &format!("{} (exit {})", self.cause, self.code));
+        text
+    }
+
+    fn write_run(&self, text: &mut String) {
+        text.push('\n');
+        let run: Vec<_> = self
+            .run
+            .iter()
+            .map(|(key, value)| {
+                let value = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+                format!("{key} {value}")
+            })
+            .collect();
+        wrapped(text, "run", &run);
+        let simulated = self.figure("simulated_s").unwrap_or_default();
+        let wall = self.wall.as_secs_f64();
+        let factor = self.real_time_factor();
+        line(text, "time", &format!("{simulated:.2} s in {wall:.2} s, {factor:.0} x real time"));
+        for (name, keys) in LINES {
+            let figures = keys
+                .iter()
+                .filter_map(|key| self.figure(key).map(|figure| figure_text(key, figure)));
+            let figures: Vec<_> = figures.collect();
+            if !figures.is_empty() {
+                wrapped(text, name, &figures);
+            }
+        }
+        let unpaired: Vec<_> = self
+            .node(PAIRING)
+            .filter(|(key, figure)| !PAIRED.contains(key) && 0.0 < *figure)
+            .map(|(key, figure)| figure_text(key, figure))
+            .collect();
+        if !unpaired.is_empty() {
+            wrapped(text, "unpaired", &unpaired);
+        }
+        self.write_others(text);
+    }
+
+    /// The figures of nodes that the lines above say nothing of.
+    fn write_others(&self, text: &mut String) {
+        let told =
+            |key: &str| LINES.iter().any(|(_, keys)| keys.contains(&key)) || UNTOLD.contains(&key);
+        for (name, _) in self.nodes.iter().filter(|(name, _)| name != PAIRING) {
+            let figures: Vec<_> = self
+                .node(name)
+                .filter(|(key, _)| !told(key))
+                .map(|(key, figure)| figure_text(key, figure))
+                .collect();
+            if !figures.is_empty() {
+                wrapped(text, name, &figures);
+            }
+        }
+    }
+
+    /// The figures of one node.
+    fn node(&self, name: &str) -> impl Iterator<Item = (&str, f64)> {
+        let figures = self.nodes.iter().filter(move |(node, _)| node == name);
+        let figures = figures.flat_map(|(_, figures)| figures);
+        figures.filter_map(|(key, figure)| Some((key.as_str(), figure.as_f64()?)))
+    }
+
+    fn write_topics(&self, text: &mut String) {
+        let _ = writeln!(
+            text,
+            "{:<14}{:<20}{:>9}{:>10}{:>7}{:>8}",
+            "topics", "", "sent", "received", "lost", "unread"
+        );
+        for (name, topic) in &self.topics {
+            if topic.sent == 0 && topic.readers.is_empty() {
+                continue;
+            }
+            let open = if topic.is_closed() { "" } else { "  does not close" };
+            let _ = writeln!(
+                text,
+                "{:<14}{name:<20}{:>9}{:>10}{:>7}{:>8}{open}",
+                "",
+                topic.sent,
+                topic.received(),
+                topic.lost(),
+                topic.unread()
+            );
+        }
+    }
+
+    /// Writes the JSON to `path`, all or nothing.
+    pub(crate) fn write(&self, path: &Path) -> Result {
+        let failed = |cause| Error::File { path: path.to_owned(), cause };
+        let text = format!("{:#}\n", self.json());
+        let fresh = path.with_extension(format!("{}.new", std::process::id()));
+        std::fs::write(&fresh, text).map_err(failed)?;
+        std::fs::rename(&fresh, path).map_err(failed)
+    }
+}
+
+fn topics(members: &[Member]) -> BTreeMap<String, Topic> {
+    let mut topics = BTreeMap::<String, Topic>::new();
+    for member in members {
+        for port in member.status.ports() {
+            let topic = topics.entry(port.topic.to_string()).or_default();
+            if port.publishes == 1 {
+                topic.publisher.clone_from(&member.name);
+                topic.sent = port.samples;
+                topic.digest = port.digest;
+            } else {
+                topic.readers.push(Reader {
+                    name: member.name.clone(),
+                    received: port.samples,
+                    lost: port.lost,
+                    unread: port.unread,
+                    stale: port.stale,
+                });
+            }
+        }
+    }
+    topics
+}
+
+fn topic_json(topic: &Topic) -> Value {
+    let readers: Map<_, _> = topic
+        .readers
+        .iter()
+        .map(|reader| {
+            let counters = json!({
+                "received": reader.received,
+                "lost": reader.lost,
+                "unread": reader.unread,
+                "stale": reader.stale,
+            });
+            (reader.name.clone(), counters)
+        })
+        .collect();
+    json!({
+        "publisher": topic.publisher,
+        "sent": topic.sent,
+        "received": topic.received(),
+        "lost": topic.lost(),
+        "unread": topic.unread(),
+        "digest": format!("{:016x}", topic.digest),
+        "readers": readers,
+    })
+}
+
+fn figures(member: &Member) -> (String, Map<String, Value>) {
+    let values = member.status.values().iter();
+    let figures = values.map(|value| (value.key.to_string(), json!(value.value))).collect();
+    (member.name.clone(), figures)
+}
+
+/// `distance_m`, 12.04 as `distance 12.040 m`.
+fn figure_text(key: &str, value: f64) -> String {
+    let (name, unit) = match key.rsplit_once('_') {
+        Some((name, unit)) if UNITS.contains(&unit) => (name, unit),
+        _ => (key, ""),
+    };
+    let digits = if unit.is_empty() || unit == "us" { 0 } else { 3 };
+    format!("{} {value:.digits$} {unit}", name.replace('_', " ")).trim_end().to_owned()
+}
+
+/// What a figure's name can end in.
+const UNITS: [&str; 6] = ["m", "s", "us", "ms", "rad", "kib"];
+
+fn line(text: &mut String, name: &str, content: &str) {
+    let _ = writeln!(text, "{name:<14}{content}");
+}
+
+/// As many `items` to a line as fit in 100 columns.
+fn wrapped(text: &mut String, name: &str, items: &[String]) {
+    const WIDTH: usize = 86;
+    let mut name = name;
+    let mut content = String::new();
+    for item in items {
+        if !content.is_empty() && WIDTH < content.len() + 2 + item.len() {
+            line(text, name, &content);
+            name = "";
+            content.clear();
+        }
+        if !content.is_empty() {
+            content.push_str(", ");
+        }
+        content.push_str(item);
+    }
+    line(text, name, &content);
+}
