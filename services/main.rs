@@ -21,6 +21,10 @@ struct Command {
 enum Verb {
     /// Bring a robot up, run it, and take it down again
     Up(supervisor::Options),
+    /// Replay recorded streams through the pairing: why do my topics not pair?
+    Pair(supervisor::PairOptions),
+    /// Measure the runtime on this machine
+    Bench(bench::Options),
     /// The world, the drive and the LiDAR
     Simulator(Arguments),
     /// Wheels or poses in, pose and velocity out
@@ -36,6 +40,8 @@ fn main() -> ExitCode {
     });
     match verb {
         Verb::Up(options) => supervisor::main(&options),
+        Verb::Pair(options) => node::exit_code("teseo pair", supervisor::pair(&options)),
+        Verb::Bench(options) => node::exit_code("teseo bench", bench::run(&options)),
         Verb::Simulator(arguments) => run(&arguments, "simulator", simulator::run),
         Verb::Odometry(arguments) => run(&arguments, "odometry", odometry::run),
         Verb::Controller(arguments) => run(&arguments, "controller", controller::run),

@@ -30,7 +30,8 @@ pub struct PortStatus {
     pub unread: u64,
     /// [-] Samples of an older life of the publisher, refused.
     pub stale: u64,
-    /// [-] XXH3 over the bytes of every sample sent, in order; 0 for a subscriber.
+    /// [-] XXH3 over the bytes of every sample sent, in order; 0 for a subscriber,
+    /// and where the clock is not lock-step.
     pub digest: u64,
 }
 

@@ -40,6 +40,13 @@ impl Stamp {
         Self { nanoseconds: self.nanoseconds.saturating_add(nanoseconds) }
     }
 
+    /// The moment `duration` before this one, or the clock's start.
+    #[must_use]
+    pub fn before(self, duration: Duration) -> Self {
+        let nanoseconds = u64::try_from(duration.as_nanos()).unwrap_or(u64::MAX);
+        Self { nanoseconds: self.nanoseconds.saturating_sub(nanoseconds) }
+    }
+
     /// [s] Since the clock's start.
     pub fn seconds(self) -> f64 {
         self.nanoseconds as f64 * 1e-9

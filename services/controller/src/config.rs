@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use node::config::{Parameters, Report};
 use serde::{Deserialize, Serialize};
 
 /// Everything a controller can be told.
@@ -10,7 +11,8 @@ use serde::{Deserialize, Serialize};
 pub struct Config {
     /// Which follower drives.
     pub algorithm: Algorithm,
-    /// [-] Of the choice where left and right look alike.
+    /// [-] Of the choice where left and right look alike: the launch file's.
+    #[serde(skip)]
     pub seed: u64,
     /// What makes the process compute a command; the algorithms themselves do not care.
     pub pacing: Pacing,
@@ -119,7 +121,13 @@ pub struct CorridorConfig {
     pub gain_heading_1_s: f64,
 }
 
-impl node::config::Parameters for Config {}
+impl Parameters for Config {
+    fn check(&self, report: &mut Report<'_>) {
+        if let Err(error) = self.validate() {
+            report.refuse(error.key(), error.to_string(), "leave it out for the lab's value");
+        }
+    }
+}
 
 impl Config {
     /// Refuses what no robot could be driven with.
@@ -254,6 +262,19 @@ pub enum ConfigError {
     TooGreat(&'static str),
     /// It leaves no room: the robot could never go on.
     TooSmall(&'static str),
+}
+
+impl ConfigError {
+    /// [-] The key of the value that is wrong.
+    pub const fn key(self) -> &'static str {
+        match self {
+            Self::NotFinite(key)
+            | Self::NotPositive(key)
+            | Self::Negative(key)
+            | Self::TooGreat(key)
+            | Self::TooSmall(key) => key,
+        }
+    }
 }
 
 impl fmt::Display for ConfigError {

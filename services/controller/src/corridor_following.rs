@@ -332,10 +332,8 @@ impl CorridorFollowing {
         let turned = match (is_open(left), is_open(right)) {
             (true, false) => FRAC_PI_2,
             (false, true) => -FRAC_PI_2,
-            (true, true) if self.random.next_u32() & 1 == 0 => FRAC_PI_2,
-            (true, true) => -FRAC_PI_2,
-            (false, false) if right <= left => PI,
-            (false, false) => -PI,
+            (true, true) => self.either(FRAC_PI_2),
+            (false, false) => PI.copysign(left - right),
         };
 
         // The wall ahead becomes the wall on the far side of the turn.
@@ -351,6 +349,11 @@ impl CorridorFollowing {
             *offset = Estimate { value: 0.0, variance: PLACE_UNKNOWN * PLACE_UNKNOWN };
         }
         self.seen = Surroundings::NONE;
+    }
+
+    /// This angle or its opposite, at random.
+    fn either(&mut self, angle: f64) -> f64 {
+        if self.random.next_u32() & 1 == 0 { angle } else { -angle }
     }
 
     fn turn(&self) -> Motion {
@@ -440,10 +443,14 @@ impl Belief {
         if let (Some(left), Some(right)) = (left, right) {
             let width = left.value + right.value;
             let variance = left.variance + right.variance;
+            let is_expected = self.width.expects(width, variance);
             // A narrower place is narrow, whatever was believed; a wider one may be an opening.
-            if width < self.width.value || self.width.expects(width, variance) {
-                self.offset.correct(0.5 * (right.value - left.value), 0.25 * variance);
+            if is_expected || width < self.width.value {
+                if !is_expected {
+                    self.width.variance = PLACE_UNKNOWN * PLACE_UNKNOWN;
+                }
                 self.width.correct(width, variance);
+                self.offset.correct(0.5 * (right.value - left.value), 0.25 * variance);
                 return;
             }
         }
@@ -620,6 +627,38 @@ mod tests {
                 &turned(0.0, milliseconds),
             );
             assert!(motion.angular.abs() < 0.02, "{motion:?}");
+        }
+    }
+
+    #[test]
+    fn a_narrower_place_is_believed_at_once() {
+        let mut follower = follower(1);
+        let wide = [([-3.0, 0.3], [3.0, 0.3]), ([-3.0, -0.3], [3.0, -0.3])];
+        for milliseconds in (50..1000).step_by(50) {
+            follower.update(&scan(&wide, 0.0, milliseconds), &turned(0.0, milliseconds));
+        }
+        for milliseconds in (1000..1200).step_by(50) {
+            let narrow = scan(&[LEFT_LONG, RIGHT_LONG], 0.0, milliseconds);
+            follower.update(&narrow, &turned(0.0, milliseconds));
+        }
+        assert!((follower.belief.width.value - 0.4).abs() < 0.02, "{:?}", follower.belief);
+        assert!(follower.belief.offset.value.abs() < 0.01, "{:?}", follower.belief);
+    }
+
+    #[test]
+    fn a_robot_that_steers_hard_drives_slower_so_that_its_wheels_can_follow() {
+        let wheel_max = CorridorConfig::default().wheel_speed_max_m_s;
+        for yaw in [-0.5, -0.3, 0.0, 0.3, 0.5] {
+            let mut follower = follower(1);
+            follower.update(&scan(&[LEFT_LONG, RIGHT_LONG], yaw, 50), &turned(0.0, 50));
+            if let Some(last) = &mut follower.last {
+                last.motion.linear = 0.2;
+            }
+            let seen = scan(&[LEFT_LONG, RIGHT_LONG], yaw, 100);
+            let motion = follower.update(&seen, &turned(0.0, 100));
+            assert!(motion.angular.abs() > 2.0 * yaw.abs(), "{yaw}: {motion:?}");
+            assert!(motion.linear > 0.09, "{yaw}: {motion:?}");
+            assert!(motion.linear + 0.08 * motion.angular.abs() <= wheel_max, "{yaw}: {motion:?}");
         }
     }
 

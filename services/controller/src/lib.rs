@@ -51,7 +51,7 @@ pub struct Controller {
 /// Which of the two, with its memory.
 #[derive(Debug, Clone)]
 enum Follower {
-    Wall(WallFollowing),
+    Wall(Box<WallFollowing>),
     Corridor(Box<CorridorFollowing>),
 }
 
@@ -72,14 +72,15 @@ impl Controller {
     /// A follower that has seen nothing yet.
     pub fn new(config: &Config) -> Result<Self, ConfigError> {
         config.validate()?;
+        let seed = config.seed;
         let follower = match config.algorithm {
             Algorithm::WallFollowing => {
-                Follower::Wall(WallFollowing::new(&config.wall_following, config.seed))
+                Follower::Wall(Box::new(WallFollowing::new(&config.wall_following, seed)))
             }
-            Algorithm::CorridorFollowing => Follower::Corridor(Box::new(CorridorFollowing::new(
-                &config.corridor_following,
-                config.seed,
-            ))),
+            Algorithm::CorridorFollowing => {
+                let following = CorridorFollowing::new(&config.corridor_following, seed);
+                Follower::Corridor(Box::new(following))
+            }
         };
         Ok(Self { follower, blind: true })
     }
@@ -143,6 +144,7 @@ fn is_wall(scan: &LaserScan, range: f32) -> bool {
 }
 
 #[cfg(test)]
+#[expect(clippy::float_cmp, reason = "what must be exact is compared exactly")]
 mod tests {
     use rand_chacha::ChaCha8Rng;
     use rand_chacha::rand_core::{Rng, SeedableRng};
@@ -169,7 +171,7 @@ mod tests {
             scan.ranges_mut().fill(range);
             scan
         };
-        let table = [
+        let table = vec![
             ("no beams", blank(1, 50)),
             ("too few beams", filled(BEAMS_MIN - 1, 1.0)),
             ("all invalid", filled(240, f32::NAN)),
@@ -231,7 +233,7 @@ mod tests {
         let mut pick = |sane: f32, one_in: u32| {
             let drawn = random.next_u32();
             let strange = strange[drawn as usize % strange.len()];
-            if drawn / 7 % one_in == 0 { strange } else { sane }
+            if (drawn / 7).is_multiple_of(one_in) { strange } else { sane }
         };
 
         let mut scan = blank(240, milliseconds);

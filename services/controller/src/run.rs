@@ -1,8 +1,11 @@
 //! The process: a pair of samples in, a command out.
 
+use std::time::Duration;
+
 use interfaces::topics::{ODOMETRY, POSE, SCAN, SENSOR_PAIR, VELOCITY_COMMAND};
 use interfaces::{LaserScan, Odometry, Pose, SensorPair, Stamp, VelocityCommand};
-use node::{Error, Gauge, Node, Publisher, Result, Sample, Subscriber, Window};
+use node::config::{self, Place};
+use node::{Clock, Error, Gauge, Node, Publisher, Result, Sample, Subscriber, Window};
 
 use crate::{Config, Controller, Pacing, is_handed_over};
 
@@ -10,14 +13,17 @@ use crate::{Config, Controller, Pacing, is_handed_over};
 pub fn run(node: &mut Node<'_>) -> Result {
     let mut config: Config = node.parameters()?;
     config.seed = node.settings().launch().seed;
+    if config.pacing == Pacing::Timer && node.clock() == Clock::Lockstep {
+        let message = "a timer paces nothing in lock-step, where time is what the stamps say";
+        let help = "run it in real time (--clock realtime), or write \"every_pair\"";
+        return Err(config::Error::new(Place::Default, "controller.pacing", message, help).into());
+    }
     let controller =
         Controller::new(&config).map_err(|cause| Error::Fault(format!("cannot drive: {cause}")))?;
     let driver = Driver::new(node, controller)?;
     match config.pacing {
         Pacing::EveryPair => every_pair(node, driver),
-        Pacing::Timer => {
-            on_a_timer(node, driver, std::time::Duration::from_secs_f64(config.period_s))
-        }
+        Pacing::Timer => on_a_timer(node, driver, Duration::from_secs_f64(config.period_s)),
     }
 }
 
@@ -32,7 +38,7 @@ fn every_pair(node: &mut Node<'_>, mut driver: Driver) -> Result {
 }
 
 /// One command each period, for the newest pair there is: the lab's robot.
-fn on_a_timer(node: &mut Node<'_>, mut driver: Driver, period: std::time::Duration) -> Result {
+fn on_a_timer(node: &mut Node<'_>, mut driver: Driver, period: Duration) -> Result {
     node.set_period(period);
     let mut newest: Option<SensorPair> = None;
     while let Some(tick) = node.tick()? {

@@ -234,8 +234,8 @@ mod tests {
         Seen { front, left, right }
     }
 
-    fn follower(config: WallConfig) -> WallFollowing {
-        WallFollowing::new(&config, 1)
+    fn follower(config: &WallConfig) -> WallFollowing {
+        WallFollowing::new(config, 1)
     }
 
     fn step(follower: &mut WallFollowing, milliseconds: u64, seen: &Seen) -> Motion {
@@ -258,7 +258,7 @@ mod tests {
             (Wall::Left, seen(1.0, 0.2, 0.18), Wall::Left),
         ];
         for (before, seen, after) in table {
-            let mut follower = follower(WallConfig::default());
+            let mut follower = follower(&WallConfig::default());
             follower.state = State::Front { wall: before };
             step(&mut follower, 50, &seen);
             assert_eq!(follower.state, State::Front { wall: after }, "{before:?}, {seen:?}");
@@ -267,7 +267,7 @@ mod tests {
 
     #[test]
     fn the_turning_speed_is_proportional_to_the_error_and_to_its_rate() {
-        let mut follower = follower(WallConfig::default());
+        let mut follower = follower(&WallConfig::default());
         // 0.03 m too far from the right wall: 4 * -0.03 + 5 * (-0.03 - 0) / 0.05.
         assert_motion(step(&mut follower, 50, &seen(1.0, 0.3, 0.23)), 0.15, -3.12);
         // 0.02 m too far: 4 * -0.02 + 5 * 0.01 / 0.05.
@@ -283,7 +283,7 @@ mod tests {
             turn_speed_rad_s: 0.37,
             ..WallConfig::default()
         };
-        let mut follower = follower(config);
+        let mut follower = follower(&config);
         assert_motion(step(&mut follower, 50, &seen(1.0, 0.3, 0.23)), 0.15, -0.34);
         assert_motion(step(&mut follower, 100, &seen(1.0, 0.1, 0.3)), 0.15, -0.34);
         step(&mut follower, 150, &seen(0.2, 0.6, 0.2));
@@ -292,7 +292,7 @@ mod tests {
 
     #[test]
     fn the_first_scan_has_no_rate() {
-        let mut follower = follower(WallConfig::default());
+        let mut follower = follower(&WallConfig::default());
         let mut scan = blank(240, 50);
         scan.ranges_mut().fill(0.3);
         assert_motion(follower.update(&scan), 0.15, -0.4);
@@ -300,7 +300,7 @@ mod tests {
 
     #[test]
     fn a_publisher_s_new_life_starts_time_anew() {
-        let mut follower = follower(WallConfig::default());
+        let mut follower = follower(&WallConfig::default());
         let mut scan = blank(240, 1000);
         scan.ranges_mut().fill(0.3);
         follower.update(&scan);
@@ -320,7 +320,7 @@ mod tests {
             (seen(0.10, 0.2, 0.26), State::TurnRight, -0.5),
         ];
         for (seen, state, angular) in table {
-            let mut follower = follower(WallConfig::default());
+            let mut follower = follower(&WallConfig::default());
             follower.errors = Errors { left: 0.1, right: 0.1 };
             assert_motion(step(&mut follower, 50, &seen), 0.0, 0.0);
             assert_eq!(follower.state, state, "{seen:?}");
@@ -357,7 +357,7 @@ mod tests {
         for (turn_exit_max_m, front, ends) in table {
             let config = WallConfig { turn_exit_max_m, ..WallConfig::default() };
             for (turn, wall) in [(State::TurnLeft, Wall::Right), (State::TurnRight, Wall::Left)] {
-                let mut follower = follower(config.clone());
+                let mut follower = follower(&config);
                 follower.state = turn;
                 // Too narrow for another choice of wall.
                 step(&mut follower, 50, &seen(front, 0.19, 0.19));
@@ -370,7 +370,7 @@ mod tests {
     #[test]
     fn the_way_ahead_after_a_turn_lasts_by_stamps() {
         let config = WallConfig { fixed_front_s: 0.35, ..WallConfig::default() };
-        let mut follower = follower(config);
+        let mut follower = follower(&config);
         follower.state = State::TurnLeft;
 
         let free = seen(0.5, 0.19, 0.19);

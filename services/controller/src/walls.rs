@@ -277,6 +277,7 @@ fn bin(across: f64) -> usize {
 }
 
 #[cfg(test)]
+#[expect(clippy::float_cmp, reason = "what must be exact is compared exactly")]
 mod tests {
     use super::*;
     use crate::scene::{Segment, blank, scan};

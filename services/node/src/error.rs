@@ -123,3 +123,11 @@ impl From<config::Errors> for Error {
         Self::Config(errors)
     }
 }
+
+impl From<config::Error> for Error {
+    fn from(error: config::Error) -> Self {
+        let mut errors = config::Errors::default();
+        errors.extend([error]);
+        Self::Config(errors)
+    }
+}

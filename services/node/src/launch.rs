@@ -7,7 +7,7 @@ use serde::Deserialize;
 
 use crate::config::{Errors, FileName, Layers, Parameters, Report, Setting, Table};
 use crate::namespace::check_name;
-use crate::pairing;
+use crate::pairing::{self, offline::Algorithm};
 use crate::{Clock, Wait};
 
 /// What the launch file says, apart from the processes' own parameters.
@@ -73,7 +73,7 @@ pub struct Process {
 #[serde(default, deny_unknown_fields)]
 pub struct PairingParameters {
     /// Which of ROS 2's two algorithms.
-    pub policy: Policy,
+    pub policy: Algorithm,
     /// [-] How much an older pair is preferred to a tighter one, by `adaptive` alone.
     pub age_penalty: f64,
     /// [-] Samples of one topic that wait for a partner.
@@ -89,7 +89,7 @@ pub struct PairingParameters {
 impl Default for PairingParameters {
     fn default() -> Self {
         Self {
-            policy: Policy::Nearest,
+            policy: Algorithm::Nearest,
             age_penalty: 0.1,
             queue_size: 10,
             slop_ms: 50.0,
@@ -178,22 +178,12 @@ impl Parameters for Launch {
 /// Names that mean something else on a command line or in shared memory.
 const RESERVED: [&str; 3] = ["pairing", "supervisor", "wake"];
 
-/// How a partner is chosen.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Policy {
-    /// At once, the nearest that is there: the lab's, ROS 2's in Python.
-    Nearest,
-    /// The best of all, which may still have to come: ROS 2's in C++.
-    Adaptive,
-}
-
 impl PairingParameters {
     /// As the pairing core knows it.
     pub fn policy(&self) -> pairing::Policy {
         match self.policy {
-            Policy::Nearest => pairing::Policy::Nearest,
-            Policy::Adaptive => pairing::Policy::Adaptive {
+            Algorithm::Nearest => pairing::Policy::Nearest,
+            Algorithm::Adaptive => pairing::Policy::Adaptive {
                 age_penalty: self.age_penalty,
                 period_min: [Duration::ZERO; pairing::TOPICS_MAX],
             },

@@ -209,6 +209,9 @@ impl Pairing {
             Verdict::Refuse(reason) => Some(reason),
             Verdict::Backward { gone } => {
                 self.resets += 1;
+                if let Core::Adaptive(adaptive) = &mut self.policy {
+                    adaptive.finish(&mut self.ledger);
+                }
                 for topic in (0..TOPICS_MAX).filter(|&topic| gone[topic]) {
                     self.clear(topic);
                 }

@@ -37,7 +37,7 @@ pub struct Publisher<T: Message> {
 struct Sent {
     topic: String,
     samples: Cell<u64>,
-    digest: RefCell<Xxh3>,
+    digest: Option<RefCell<Xxh3>>,
 }
 
 impl<T: Message> Publisher<T> {
@@ -47,8 +47,10 @@ impl<T: Message> Publisher<T> {
         service: Service<T>,
         port: iceoryx2::port::publisher::Publisher<ipc::Service, T, ()>,
         wakers: Rc<Wakers>,
+        digests: bool,
     ) -> Self {
-        let state = Sent { topic, samples: Cell::new(0), digest: RefCell::new(Xxh3::new()) };
+        let digest = digests.then(|| RefCell::new(Xxh3::new()));
+        let state = Sent { topic, samples: Cell::new(0), digest };
         Self {
             port,
             service,
@@ -70,7 +72,9 @@ impl<T: Message> Publisher<T> {
         let header = message.header_mut();
         header.sequence = self.state.samples.get();
         header.epoch = self.epoch;
-        self.state.digest.borrow_mut().update(bytemuck::bytes_of(message));
+        if let Some(digest) = &self.state.digest {
+            digest.borrow_mut().update(bytemuck::bytes_of(message));
+        }
         sample.send().map_err(|cause| self.failed("send on", cause))?;
         self.state.samples.set(self.state.samples.get() + 1);
         self.wake_readers();
@@ -128,7 +132,7 @@ impl Port for Sent {
             topic: Text::new(&self.topic),
             publishes: 1,
             samples: self.samples.get(),
-            digest: self.digest.borrow().digest(),
+            digest: self.digest.as_ref().map_or(0, |digest| digest.borrow().digest()),
             ..PortStatus::default()
         }
     }

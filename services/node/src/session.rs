@@ -40,6 +40,7 @@ const OPEN_PAUSE: Duration = Duration::from_millis(5);
 pub struct Session {
     name: String,
     epoch: u32,
+    digests: bool,
     wakers: Rc<Wakers>,
 }
 
@@ -61,7 +62,19 @@ impl Session {
         .map_err(|cause| {
             Error::shared_memory(format!("join robot '{}'", namespace.robot()), cause)
         })?;
-        Ok(Self { name: name.to_owned(), epoch, wakers: Rc::new(Wakers::new(node)) })
+        Ok(Self {
+            name: name.to_owned(),
+            epoch,
+            digests: false,
+            wakers: Rc::new(Wakers::new(node)),
+        })
+    }
+
+    /// From now on publishers digest what they send: equal digests are equal runs. It reads every
+    /// byte, so only for runs that can be equal.
+    #[must_use]
+    pub fn with_digests(self, digests: bool) -> Self {
+        Self { digests, ..self }
     }
 
     /// Its name.
@@ -90,7 +103,7 @@ impl Session {
             |_| false,
         )
         .map_err(|_| Error::Taken { topic: name.clone(), publisher: topic.publisher })?;
-        Ok(Publisher::new(name, self.epoch, service, port, Rc::clone(&self.wakers)))
+        Ok(Publisher::new(name, self.epoch, service, port, Rc::clone(&self.wakers), self.digests))
     }
 
     /// A reader of `topic`, of this session's own where each node has one. Every sample wakes it.

@@ -16,7 +16,8 @@ pub struct Config {
     pub world: FileName,
     /// [-] Which of the world's starts.
     pub start: String,
-    /// [-] What everything random is derived from.
+    /// [-] What everything random is derived from: the launch file's.
+    #[serde(skip)]
     pub seed: u64,
     /// [s] One step.
     pub dt_s: f64,
@@ -42,6 +43,18 @@ pub struct Config {
     pub stop_at_collision: bool,
     /// [-] Whether the robot reports its pose instead of its wheels.
     pub reports_pose: bool,
+    /// What goes wrong on purpose.
+    pub faults: Faults,
+}
+
+/// What goes wrong on purpose, in real time only: lock-step needs every sample.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Faults {
+    /// [-] The share of scans that are never sent.
+    pub scan_loss: f64,
+    /// [s] Scans are stamped up to this much before they are sent.
+    pub scan_jitter_s: f64,
 }
 
 /// The LiDAR and where it sits.
@@ -78,6 +91,7 @@ impl Default for Config {
             heading_tolerance_rad: 10_f64.to_radians(),
             stop_at_collision: true,
             reports_pose: false,
+            faults: Faults::default(),
         }
     }
 }
@@ -97,7 +111,7 @@ impl Default for LidarConfig {
 impl Parameters for Config {
     fn check(&self, report: &mut Report<'_>) {
         if let Err(error) = self.validate() {
-            report.refuse(error.key(), error.to_string(), "see the defaults in the documentation");
+            report.refuse(error.key(), error.to_string(), "leave it out for the lab's value");
         }
     }
 }
@@ -115,7 +129,22 @@ impl Config {
         for value in self.goal_m.into_iter().flatten() {
             finite("goal_m", value)?;
         }
+        self.faults.validate()?;
         self.lidar.validate(self.robot_radius_m)
+    }
+}
+
+impl Faults {
+    fn validate(&self) -> Result<(), ConfigError> {
+        for (key, value) in
+            [("faults.scan_loss", self.scan_loss), ("faults.scan_jitter_s", self.scan_jitter_s)]
+        {
+            finite(key, value)?;
+            if value < 0.0 {
+                return Err(ConfigError::Negative { key, value });
+            }
+        }
+        Ok(())
     }
 }
 

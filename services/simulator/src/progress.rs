@@ -60,7 +60,8 @@ impl Progress {
     pub fn path(&self) -> String {
         let mut turns: Vec<usize> = Vec::new();
         for (index, &cell) in self.visited.iter().enumerate() {
-            let neighbours = (index.checked_sub(1).map(|i| self.visited[i]), self.visited.get(index + 1));
+            let neighbours =
+                (index.checked_sub(1).map(|i| self.visited[i]), self.visited.get(index + 1));
             let goes_on = matches!(neighbours, (Some(before), Some(&after))
                 if (before + 1 == cell && cell + 1 == after) || (after + 1 == cell && cell + 1 == before));
             if !goes_on {

@@ -4,11 +4,14 @@ use std::time::Duration;
 
 use interfaces::topics::{JOINT_STATES, POSE, ROBOT_POSE, SCAN, VELOCITY_COMMAND};
 use interfaces::{JointState, LaserScan, Outcome, Pose, Stamp, VelocityCommand};
-use node::config::Layers;
+use node::config::{self, Layers, Place};
 use node::launch::Until;
 use node::{Clock, Error, Gauge, Latency, Node, Publisher, Result, Subscriber};
 
-use crate::{Config, Simulator, World};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+
+use crate::{Config, Faults, Simulator, World};
 
 /// In lock-step one lost command stalls everything: better to end and say so.
 const COMMAND_TIMEOUT: Duration = Duration::from_secs(10);
@@ -18,13 +21,27 @@ pub fn run(node: &mut Node<'_>) -> Result {
     let mut config: Config = node.parameters()?;
     let world: World = Layers::new().named(&config.world).parse()?;
     config.seed = node.settings().launch().seed;
-    let simulator = Simulator::new(&config, &world)
-        .map_err(|cause| Error::Fault(format!("{}: {cause}", config.world.path().display())))?;
+    if node.clock() == Clock::Lockstep && config.faults != Faults::default() {
+        let message = "would stall a robot in lock-step for good";
+        let help = "run it in real time (--clock realtime)";
+        return Err(config::Error::new(Place::Default, "simulator.faults", message, help).into());
+    }
+    let simulator = Simulator::new(&config, &world).map_err(|error| misfit(&config, &error))?;
     let robot = Robot::new(node, simulator, &config)?;
     match node.clock() {
         Clock::Lockstep => lockstep(node, robot),
         Clock::Realtime => realtime(node, robot, Duration::from_secs_f64(config.dt_s)),
     }
+}
+
+/// The world and the configuration do not fit each other.
+fn misfit(config: &Config, error: &crate::Error) -> Error {
+    let (key, help) = match error {
+        crate::Error::Config(error) => (error.key(), "mend the simulator's parameters"),
+        crate::Error::World(error) => (error.key(), error.help()),
+    };
+    let place = Place::File(config.world.path().to_owned());
+    config::Error::new(place, key, error.to_string(), help).into()
 }
 
 /// The world waits for each command, and advances one period with it.
@@ -99,6 +116,7 @@ struct Robot {
     commands: Subscriber<VelocityCommand>,
     estimates: Subscriber<Pose>,
     was_localized: bool,
+    faults: FaultyScans,
     age: Latency,
     gauges: Gauges,
 }
@@ -127,6 +145,7 @@ impl Robot {
             commands: node.subscribe(&VELOCITY_COMMAND)?,
             estimates: node.subscribe_quietly(&POSE)?,
             was_localized: false,
+            faults: FaultyScans::new(config),
             age: node.latency("scan_to_command"),
             gauges,
         })
@@ -175,13 +194,14 @@ impl Robot {
             })?;
         }
         self.report_pose(stamp)?;
+        self.sensed = now;
+        let Some(delay) = self.faults.scan_delay() else { return Ok(()) };
+        let stamp = stamp.map(|stamp| stamp.before(delay));
         let simulator = &mut self.simulator;
         self.scans.send_with(|scan| {
             simulator.sense(scan);
             scan.header.stamp = stamp.unwrap_or(scan.header.stamp);
-        })?;
-        self.sensed = now;
-        Ok(())
+        })
     }
 
     fn report_pose(&mut self, stamp: Option<Stamp>) -> Result {
@@ -238,6 +258,36 @@ impl Robot {
                 (Outcome::Failed, format!("{limit} s are over, no goal, cells {path}"))
             }
         })
+    }
+}
+
+/// Which scans are lost, and how old the others are: a stream of its own, so that no other draw
+/// depends on it.
+struct FaultyScans {
+    faults: Faults,
+    random: ChaCha8Rng,
+}
+
+impl FaultyScans {
+    /// [-] Of the run's seed.
+    const STREAM: u64 = 2;
+
+    fn new(config: &Config) -> Self {
+        let mut random = ChaCha8Rng::seed_from_u64(config.seed);
+        random.set_stream(Self::STREAM);
+        Self { faults: config.faults, random }
+    }
+
+    /// How old the next scan is, or `None` where it is lost.
+    fn scan_delay(&mut self) -> Option<Duration> {
+        let [lost, late] = [self.uniform(), self.uniform()];
+        let delay = Duration::from_secs_f64(late * self.faults.scan_jitter_s);
+        (self.faults.scan_loss <= lost).then_some(delay)
+    }
+
+    /// [-] In `0..1`.
+    fn uniform(&mut self) -> f64 {
+        f64::from(self.random.next_u32()) / (f64::from(u32::MAX) + 1.0)
     }
 }
 

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 use nalgebra::{Isometry2, Point2, Vector2};
+use node::config::{Parameters, Report};
 use serde::Deserialize;
 
 use crate::geometry::{Wall, Walls};
@@ -74,10 +75,24 @@ pub struct Start {
     pub corridor_m: Vec<[f64; 2]>,
 }
 
-impl node::config::Parameters for World {
-    fn check(&self, report: &mut node::config::Report<'_>) {
-        if let Err(error) = self.validate() {
-            report.refuse("", error.to_string(), "mend the world");
+impl Parameters for World {
+    fn check(&self, report: &mut Report<'_>) {
+        if self.blocks.is_empty() && self.segments.is_empty() {
+            report.refuse("box", WorldError::NoWalls.to_string(), "add a `[[box]]`");
+        }
+        let mut refuse = |item: String, verdict: Result<(), WorldError>| {
+            if let Err(error) = verdict {
+                report.refuse(format!("{item}.{}", error.key()), error.to_string(), error.help());
+            }
+        };
+        for (index, block) in self.blocks.iter().enumerate() {
+            refuse(format!("box[{index}]"), block.validate());
+        }
+        for (index, segment) in self.segments.iter().enumerate() {
+            refuse(format!("segment[{index}]"), segment.validate());
+        }
+        for (name, start) in &self.starts {
+            refuse(format!("start.{name}"), start.validate(name));
         }
     }
 }
@@ -297,6 +312,37 @@ pub enum WorldError {
         /// [m] How deep.
         depth_m: f64,
     },
+}
+
+impl WorldError {
+    /// [-] The key of the value that is wrong.
+    pub const fn key(&self) -> &'static str {
+        match self {
+            Self::NoWalls => "box",
+            Self::NotFinite { key, .. } | Self::NotPositive { key, .. } => key,
+            Self::NoLength { .. } => "x2_m",
+            Self::ShortCorridor { .. } | Self::BrokenCorridor { .. } => "corridor_m",
+            Self::StartOutside { .. } | Self::StartOverlaps { .. } => "x_m",
+            Self::UnknownStart { .. } => "start",
+        }
+    }
+
+    /// What mends it.
+    pub const fn help(&self) -> &'static str {
+        match self {
+            Self::NoWalls => "add a `[[box]]` or a `[[segment]]`",
+            Self::NotFinite { .. } => "write a finite number",
+            Self::NotPositive { .. } => "write a number above zero",
+            Self::NoLength { .. } => "move one of the ends",
+            Self::ShortCorridor { .. } | Self::BrokenCorridor { .. } => {
+                "list the centres of neighbouring cells, from the start to the dead end"
+            }
+            Self::StartOutside { .. } | Self::StartOverlaps { .. } => {
+                "move the start to free space in the corridor's first cell"
+            }
+            Self::UnknownStart { .. } => "choose another with --start, or add it to the world",
+        }
+    }
 }
 
 impl fmt::Display for WorldError {

@@ -9,6 +9,7 @@
 mod guardian;
 mod member;
 mod options;
+mod pair;
 mod pairing;
 mod report;
 mod screen;
@@ -17,6 +18,7 @@ mod supervise;
 use std::process::ExitCode;
 
 pub use options::Options;
+pub use pair::{PairOptions, pair};
 
 /// `teseo up`: the guardian, or the supervisor that it has started.
 pub fn main(options: &Options) -> ExitCode {

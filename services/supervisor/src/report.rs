@@ -145,15 +145,19 @@ impl Report {
         }
     }
 
-    /// Over every sample of every topic, in order; equal digests are equal runs.
-    fn digest(&self) -> String {
+    /// Over every sample of every topic, in order; equal digests are equal runs. None in real time,
+    /// where no two runs are.
+    fn digest(&self) -> Option<String> {
+        if self.topics.values().all(|topic| topic.digest == 0) {
+            return None;
+        }
         let mut bytes = Vec::new();
         for (name, topic) in self.topics.iter().filter(|(_, topic)| 0 < topic.sent) {
             bytes.extend_from_slice(name.as_bytes());
             bytes.extend_from_slice(&topic.sent.to_le_bytes());
             bytes.extend_from_slice(&topic.digest.to_le_bytes());
         }
-        format!("{:016x}", xxhash_rust::xxh3::xxh3_64(&bytes))
+        Some(format!("{:016x}", xxhash_rust::xxh3::xxh3_64(&bytes)))
     }
 
     fn figure(&self, key: &str) -> Option<f64> {
@@ -196,7 +200,9 @@ impl Report {
         let memory: Vec<_> =
             memory.map(|(name, peak)| format!("{name} {:.1}", *peak as f64 / 1024.0)).collect();
         line(&mut text, "memory peak", &format!("{} MiB", memory.join(", ")));
-        line(&mut text, "digest", &self.digest());
+        if let Some(digest) = self.digest() {
+            line(&mut text, "digest", &digest);
+        }
         line(&mut text, "end", &format!("{} (exit {})", self.cause, self.code));
         text
     }

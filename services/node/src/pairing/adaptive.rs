@@ -116,6 +116,14 @@ impl Adaptive {
         forced
     }
 
+    /// Gives out what waits for something better, since nothing better can follow any more.
+    pub(super) fn finish(&mut self, ledger: &mut Ledger) {
+        while self.search.is_some() {
+            self.publish(ledger);
+            self.process(ledger);
+        }
+    }
+
     /// Drops what was received before `oldest`.
     ///
     /// That a sample was lost this way does not make its lane lossy: whatever it might have been

@@ -4,6 +4,9 @@
 //! Greedy and immediate: a better partner may come later, output may go back in time, and what is
 //! left unpaired waits until the queue is full. ROS 2's users know it so.
 
+use std::collections::VecDeque;
+use std::ops::Range;
+
 use interfaces::Stamp;
 
 use super::{Config, Entry, Reason, TOPICS_MAX, nanoseconds, outcome::Ledger};
@@ -22,7 +25,9 @@ pub(super) struct Nearest {
 
 #[derive(Debug)]
 struct Queue {
-    waiting: Vec<Waiting>,
+    waiting: VecDeque<Waiting>,
+    /// Whether the stamps ascend, so that a search need not look at all of them.
+    ascending: bool,
     /// [ns] The greatest stamp that the topic has shown.
     newest: Option<u64>,
     /// [ns] No sample in the queue was received before this.
@@ -51,7 +56,8 @@ impl Nearest {
     pub(super) fn new(config: &Config) -> Self {
         let queue = |_| Queue {
             // The arriving sample comes in before another one goes.
-            waiting: Vec::with_capacity(config.queue_size + 1),
+            waiting: VecDeque::with_capacity(config.queue_size + 1),
+            ascending: true,
             newest: None,
             oldest_received: u64::MAX,
         };
@@ -65,20 +71,18 @@ impl Nearest {
     }
 
     pub(super) fn push(&mut self, topic: usize, entry: Entry, ledger: &mut Ledger) {
-        if !self.insert(topic, entry, ledger) {
-            return;
-        }
+        let Some(position) = self.insert(topic, entry, ledger) else { return };
         let found = if self.queues.len() == 2 {
             self.find_partner(1 - topic, entry.stamp)
         } else {
             self.find_partners(topic, entry.stamp)
         };
         if let Some(mut chosen) = found {
-            let own = self.queues[topic].position(entry.stamp);
-            chosen[topic] = own.expect("the arriving sample is queued");
+            chosen[topic] = position;
             self.mark_beaten(topic, entry.stamp);
             for (topic, queue) in self.queues.iter_mut().enumerate() {
-                ledger.pair(topic, queue.waiting.remove(chosen[topic]).entry);
+                let member = queue.waiting.remove(chosen[topic]).expect("the chosen are queued");
+                ledger.pair(topic, member.entry);
             }
         }
     }
@@ -90,15 +94,17 @@ impl Nearest {
                 continue;
             }
             let mut position = 0;
+            let mut oldest_received = u64::MAX;
             while let Some(&waiting) = self.queues[topic].waiting.get(position) {
                 if waiting.entry.received < oldest {
                     self.queues[topic].waiting.remove(position);
                     ledger.drop(topic, waiting.entry, self.cause(topic, &waiting, Reason::TooOld));
                 } else {
+                    oldest_received = oldest_received.min(waiting.entry.received.nanoseconds);
                     position += 1;
                 }
             }
-            self.queues[topic].note_oldest_received();
+            self.queues[topic].oldest_received = oldest_received;
         }
     }
 
@@ -116,8 +122,9 @@ impl Nearest {
         self.queues[topic].waiting.iter().map(|waiting| &waiting.entry)
     }
 
-    /// Whether the sample stays: from a full queue the smallest stamp goes, whichever it is.
-    fn insert(&mut self, topic: usize, entry: Entry, ledger: &mut Ledger) -> bool {
+    /// Where the sample now is, if it stays: from a full queue the smallest stamp goes, whichever it
+    /// is.
+    fn insert(&mut self, topic: usize, entry: Entry, ledger: &mut Ledger) -> Option<usize> {
         let queue = &mut self.queues[topic];
         let waiting = Waiting { entry, beaten: false };
         queue.newest = queue.newest.max(Some(entry.stamp.nanoseconds));
@@ -126,29 +133,30 @@ impl Nearest {
         if let Some(position) = queue.position(entry.stamp) {
             let replaced = std::mem::replace(&mut queue.waiting[position], waiting);
             ledger.drop(topic, replaced.entry, Reason::Replaced);
-            return true;
+            return Some(position);
         }
-        queue.waiting.push(waiting);
+        let last = queue.waiting.back();
+        queue.ascending = last.is_none_or(|last| queue.ascending && last.stamp() < waiting.stamp());
+        queue.waiting.push_back(waiting);
         if queue.waiting.len() <= self.queue_size {
-            return true;
+            return Some(queue.waiting.len() - 1);
         }
         let smallest = queue.smallest();
-        let evicted = queue.waiting.remove(smallest);
+        let evicted = queue.waiting.remove(smallest).expect("the queue is more than full");
         if smallest == self.queue_size {
             ledger.drop(topic, entry, Reason::OutOfOrder);
-            return false;
+            return None;
         }
         ledger.drop(topic, evicted.entry, self.cause(topic, &evicted, Reason::Overflow));
-        true
+        Some(self.queue_size - 1)
     }
 
     /// The nearest sample of the one other topic; of two equally near ones, the first to arrive.
     fn find_partner(&self, other: usize, stamp: Stamp) -> Option<Positions> {
-        let distances = self.queues[other].waiting.iter().map(|waiting| waiting.distance(stamp));
-        let (position, distance) = distances.enumerate().min_by_key(|&(_, distance)| distance)?;
+        let nearest = self.queues[other].nearest(stamp)?;
         let mut chosen = [0; TOPICS_MAX];
-        chosen[other] = position;
-        (distance < self.slop).then_some(chosen)
+        chosen[other] = nearest.position;
+        (nearest.distance < self.slop).then_some(chosen)
     }
 
     /// The first combination that fits, where the last topic's candidates change fastest.
@@ -158,13 +166,10 @@ impl Nearest {
             if other == topic {
                 continue;
             }
-            let waiting = self.queues[other].waiting.iter().enumerate();
+            let queue = &self.queues[other];
+            let near = queue.window(stamp, self.slop);
             candidates.extend(
-                waiting
-                    .map(|(position, waiting)| Candidate {
-                        distance: waiting.distance(stamp),
-                        position,
-                    })
+                near.map(|position| queue.candidate(position, stamp))
                     .filter(|candidate| candidate.distance < self.slop),
             );
             if candidates.is_empty() {
@@ -204,7 +209,7 @@ impl Nearest {
     fn mark_beaten(&mut self, topic: usize, stamp: Stamp) {
         for (other, queue) in self.queues.iter_mut().enumerate() {
             if other != topic {
-                for waiting in &mut queue.waiting {
+                for waiting in queue.waiting.range_mut(queue.window(stamp, self.slop)) {
                     waiting.beaten |= waiting.distance(stamp) < self.slop;
                 }
             }
@@ -220,27 +225,56 @@ impl Nearest {
         let mut others = self.queues.iter().enumerate().filter(|&(other, _)| other != topic);
         let passed_by = others.any(|(_, queue)| {
             let passed = queue.newest.is_some_and(|newest| window_end <= newest);
-            let stamp = waiting.entry.stamp;
-            passed && queue.waiting.iter().all(|partner| self.slop <= partner.distance(stamp))
+            let nearest = queue.nearest(waiting.entry.stamp);
+            passed && nearest.is_none_or(|nearest| self.slop <= nearest.distance)
         });
         if passed_by { Reason::NoPartner } else { occasion }
     }
 }
 
 impl Queue {
+    /// Where this very stamp is.
     fn position(&self, stamp: Stamp) -> Option<usize> {
+        if self.ascending && self.waiting.back().is_none_or(|last| last.entry.stamp < stamp) {
+            return None;
+        }
         self.waiting.iter().position(|waiting| waiting.entry.stamp == stamp)
     }
 
     /// Where the smallest stamp is, in a queue that is not empty.
     fn smallest(&self) -> usize {
+        if self.ascending {
+            return 0;
+        }
         let stamps = self.waiting.iter().map(Waiting::stamp).enumerate();
         stamps.min_by_key(|&(_, stamp)| stamp).map_or(0, |(position, _)| position)
     }
 
-    fn note_oldest_received(&mut self) {
-        let received = self.waiting.iter().map(|waiting| waiting.entry.received.nanoseconds);
-        self.oldest_received = received.min().unwrap_or(u64::MAX);
+    /// The nearest sample; of two equally near ones, the first to arrive.
+    fn nearest(&self, stamp: Stamp) -> Option<Candidate> {
+        let positions = if self.ascending {
+            let after = self.waiting.partition_point(|waiting| waiting.entry.stamp < stamp);
+            after.saturating_sub(1)..self.waiting.len().min(after + 1)
+        } else {
+            0..self.waiting.len()
+        };
+        let candidates = positions.map(|position| self.candidate(position, stamp));
+        candidates.min_by_key(|candidate| candidate.distance)
+    }
+
+    /// Where samples less than `slop` from `stamp` may be.
+    fn window(&self, stamp: Stamp, slop: u64) -> Range<usize> {
+        if !self.ascending {
+            return 0..self.waiting.len();
+        }
+        let start = stamp.nanoseconds.saturating_sub(slop);
+        let end = stamp.nanoseconds.saturating_add(slop);
+        self.waiting.partition_point(|waiting| waiting.stamp() < start)
+            ..self.waiting.partition_point(|waiting| waiting.stamp() < end)
+    }
+
+    fn candidate(&self, position: usize, stamp: Stamp) -> Candidate {
+        Candidate { distance: self.waiting[position].distance(stamp), position }
     }
 }
 

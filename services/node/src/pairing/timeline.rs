@@ -26,6 +26,8 @@ struct Track {
     newest: Option<u64>,
     /// What this topic showed before another one stepped back, while it has not followed.
     old: Option<Old>,
+    /// [ns] When this topic last stepped back, in receive time.
+    stepped: Option<u64>,
     /// Whether the last sample was refused for being behind its predecessor.
     behind: bool,
 }
@@ -69,13 +71,16 @@ impl Timeline {
         }
 
         let track = &mut self.tracks[topic];
-        track.old = None;
+        if track.old.take().is_some() {
+            track.stepped = Some(now);
+        }
         let lag = track.newest.unwrap_or(0).saturating_sub(stamp);
         if lag == 0 {
             track.newest = Some(stamp);
             track.behind = false;
             return Verdict::Onward;
         }
+        track.stepped = Some(now);
         // A single sample may have been held up; two in a row mean that the clock itself is back.
         if self.slop < lag || track.behind {
             return self.turn_back(topic, stamp, now);
@@ -93,29 +98,31 @@ impl Timeline {
     }
 
     /// Whether a sample is from before another topic's step back: it goes on where its own topic
-    /// was, ahead of all that has turned back. A topic that never turns back is believed in the end.
+    /// was, and ahead of all that has turned back. One that never does is believed in the end.
     fn is_straggler(&self, topic: usize, stamp: u64, now: u64) -> bool {
         let Some(old) = self.tracks[topic].old else { return false };
         let present = self.tracks.iter().filter_map(|track| track.newest).max();
-        let follows = self.slop < old.newest.saturating_sub(stamp);
+        let follows = stamp < old.newest;
         let ahead = present.is_some_and(|present| present.saturating_add(self.slop) < stamp);
         !follows && ahead && now - old.since <= self.patience
     }
 
     /// The stepping topic starts afresh, and so do those that are ahead of it by more than the
-    /// slop. The others are where it is now: if it was one absurd stamp, they lose nothing.
+    /// slop. The others are where it is now: if it was one absurd stamp, they lose nothing. And
+    /// those that have just stepped back were merely faster.
     fn turn_back(&mut self, topic: usize, stamp: u64, now: u64) -> Verdict {
         let mut gone = [false; TOPICS_MAX];
         let limit = stamp.saturating_add(self.slop);
+        let lately = now.saturating_sub(self.patience);
         for (track, gone) in self.tracks.iter_mut().zip(&mut gone) {
-            if let Some(newest) = track.newest
-                && limit < newest
-            {
+            let Some(newest) = track.newest else { continue };
+            let was_faster = track.stepped.is_some_and(|stepped| lately <= stepped);
+            if limit < newest && !was_faster {
                 *track = Track { old: Some(Old { newest, since: now }), ..Track::default() };
                 *gone = true;
             }
         }
-        self.tracks[topic] = Track { newest: Some(stamp), ..Track::default() };
+        self.tracks[topic] = Track { newest: Some(stamp), stepped: Some(now), ..Track::default() };
         gone[topic] = true;
         Verdict::Backward { gone }
     }

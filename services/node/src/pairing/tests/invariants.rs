@@ -183,7 +183,7 @@ fn search_exhaustively(
     config: &Config,
 ) -> Option<Vec<Entry>> {
     match queues[topic].iter_mut().find(|queued| queued.stamp == entry.stamp) {
-        Some(queued) => *queued = entry,
+        Some(same_stamp) => *same_stamp = entry,
         None => queues[topic].push(entry),
     }
     if config.queue_size < queues[topic].len() {

@@ -92,12 +92,8 @@ fn a_sample_whose_time_has_passed_had_no_partner() {
 fn a_sample_whose_partner_is_silent_becomes_too_old() {
     for config in [LIMITED, ADAPTIVE] {
         let mut pairing = Pairing::new(&config).unwrap();
-        expect(
-            &mut pairing,
-            &[(0, A, 100, ""), (200, A, 300, ""), (201, B, 300, "a100 too_old")][..2],
-        );
-        let late = push(&mut pairing, 201, B, 100);
-        assert!(late.starts_with("a100 too_old"), "{late}");
+        expect(&mut pairing, &[(0, A, 100, ""), (200, A, 300, "")]);
+        assert_eq!(told(pairing.poll(millis(201))), "a100 too_old");
     }
 }
 
@@ -202,20 +198,29 @@ fn one_absurd_stamp_costs_the_other_topic_nothing() {
 
 #[test]
 fn what_comes_late_from_before_a_step_back_is_dropped() {
-    for config in [LIMITED, ADAPTIVE] {
+    let cases =
+        [(LIMITED, "", "a5000 reset, b4900 reset"), (ADAPTIVE, "b4900 no_partner", "a5000 reset")];
+    for (config, before, at_the_step) in cases {
         let mut pairing = Pairing::new(&config).unwrap();
         expect(
             &mut pairing,
-            &[(0, A, 5_000, ""), (50, A, 0, "a5000 reset"), (60, B, 5_000, "")][..1],
+            &[
+                (0, B, 4_900, ""),
+                (0, A, 5_000, before),
+                (50, A, 0, at_the_step),
+                (60, B, 5_000, "b5000 reset"),
+            ],
         );
-        push(&mut pairing, 10, B, 4_950);
-        let stepped = push(&mut pairing, 50, A, 0);
-        assert!(stepped.contains("a5000 reset"), "{stepped}");
-        expect(&mut pairing, &[(60, B, 5_000, "b5000 reset")]);
         let met = push(&mut pairing, 110, B, 1) + &told(pairing.poll(millis(140)));
         assert_eq!(met, "0+1");
         assert_eq!(pairing.resets(), 1);
     }
+}
+
+#[test]
+fn a_set_is_not_lost_to_the_step_back_that_ends_its_wait() {
+    let mut pairing = Pairing::new(&ADAPTIVE).unwrap();
+    expect(&mut pairing, &[(0, A, 5_000, ""), (0, B, 5_001, ""), (10, A, 0, "5000+5001")]);
 }
 
 #[test]
@@ -252,8 +257,7 @@ fn without_limits_nothing_resets_as_in_ros_2() {
 #[test]
 fn a_clock_that_runs_backwards_costs_at_most_two_periods() {
     const PERIOD: u64 = 50;
-    let mut longest = 0;
-    for seed in 0..2_000 {
+    for seed in 0..5_000 {
         let mut random = Random::new(seed);
         let config = Config {
             queue_size: random.choose(&[3, 10]),
@@ -263,11 +267,11 @@ fn a_clock_that_runs_backwards_costs_at_most_two_periods() {
         let mut pairing = Pairing::new(&config).unwrap();
         let slop = u64::try_from(config.slop.as_millis()).unwrap();
         let back = slop + 1 + random.below(20_000);
-        let step_at = 30_000 + random.below(2_000);
+        let step_at = 30_000 + random.below(1_500);
 
         let mut arrivals = Vec::new();
         for topic in [A, B] {
-            let (offset, latency) = (random.below(6), random.below(2 * PERIOD));
+            let (offset, latency) = (random.below(6), random.below(PERIOD));
             for number in 0..60 {
                 let time = 29_000 + offset + number * PERIOD + random.below(5);
                 let stamp = if time < step_at { time } else { time - back };
@@ -289,10 +293,8 @@ fn a_clock_that_runs_backwards_costs_at_most_two_periods() {
         let silence = gaps.max().unwrap();
         // Meanwhile the clock went on by a period; a stamp that is hardly behind shows no step.
         assert!(0 < pairing.resets() || back < slop + PERIOD + 5, "SEED={seed}");
-        if !(silence <= 3 * PERIOD + 10) {println!("SEED={seed}: silent for {silence} ms back {back} {config:?}");}
-        longest = longest.max(silence);
+        assert!(silence <= 3 * PERIOD, "SEED={seed}: silent for {silence} ms");
     }
-    println!("longest {longest}");
 }
 
 #[test]

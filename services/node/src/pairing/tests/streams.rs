@@ -55,9 +55,10 @@ pub(super) enum Trouble {
 pub(super) fn stream(random: &mut Random, topics: usize, trouble: Trouble) -> Vec<Arrival> {
     let duration = (2_000 + random.below(1_000)) * MILLISECOND;
     let any = matches!(trouble, Trouble::Any);
-    let (jump_at, jump) = match any && random.chance(30) {
-        true => (random.below(duration), random.below(5_000) * MILLISECOND),
-        false => (u64::MAX, 0),
+    let (jump_at, jump) = if any && random.chance(30) {
+        (random.below(duration), random.below(5_000) * MILLISECOND)
+    } else {
+        (u64::MAX, 0)
     };
     let mut arrivals = Vec::new();
     for topic in 0..topics {

@@ -1,0 +1,283 @@
+//! Bad input ends a run with a message that names the place, an exit code, and nothing left behind.
+
+use rustix::process::Signal;
+
+use crate::robot::{Ended, Robot};
+
+/// The configuration is wrong: do not start me again.
+const CONFIG: i32 = 78;
+
+/// The command line is wrong, by the convention of command lines.
+const USAGE: i32 = 2;
+
+/// Somebody else runs this robot.
+const HELD: i32 = 5;
+
+const LAB02: &str = include_str!("../config/worlds/lab02.toml");
+const SIMULATION: &str = include_str!("../config/simulation.toml");
+
+#[test]
+fn a_start_inside_a_wall_is_refused_by_file_and_wall() {
+    let text = LAB02.replacen("x_m = 1.0\n", "x_m = 1.18\n", 1);
+    let ended = refused_world(&text);
+
+    ended.assert_code(CONFIG).assert_says(&["world.toml", "`outer`", "`outer_right`"]);
+}
+
+#[test]
+fn a_nan_in_a_world_is_refused_by_file_line_and_key() {
+    let text = LAB02.replacen("y_m = -1.25", "y_m = nan", 1);
+    let ended = refused_world(&text);
+
+    ended.assert_code(CONFIG).assert_says(&["world.toml:10:", "`box[0].y_m`", "nan"]);
+}
+
+#[test]
+fn an_unknown_key_in_a_world_is_refused_with_a_suggestion() {
+    let text = LAB02.replacen("size_y_m = 0.1", "size_ym = 0.1", 1);
+    let ended = refused_world(&text);
+
+    ended.assert_code(CONFIG);
+    ended.assert_says(&["world.toml:12:", "`box[0].size_ym`", "did you mean `size_y_m`?"]);
+}
+
+#[test]
+fn a_world_that_is_no_toml_is_refused_by_file_and_line() {
+    let text = LAB02.replacen("size_y_m = 0.1", "size_y_m 0.1", 1);
+    let ended = refused_world(&text);
+
+    ended.assert_code(CONFIG).assert_says(&["world.toml:12:"]);
+}
+
+#[test]
+fn a_wall_of_negative_size_is_refused_by_file_wall_and_key() {
+    let text = LAB02.replacen("size_y_m = 0.1", "size_y_m = -0.1", 1);
+    let ended = refused_world(&text);
+
+    ended.assert_code(CONFIG).assert_says(&["`outer_bottom`", "`size_y_m`", "-0.1"]);
+    assert!(complaint(&ended).contains("world.toml"), "names no file\n{}", ended.story());
+}
+
+#[test]
+fn a_world_without_walls_is_refused_by_file() {
+    let ended = refused_world("");
+
+    ended.assert_code(CONFIG).assert_says(&["no `box`"]);
+    assert!(complaint(&ended).contains("world.toml"), "names no file\n{}", ended.story());
+}
+
+#[test]
+fn a_missing_world_is_refused_by_name() {
+    let ended = refused(&["--world", "config/worlds/lab03.toml"]);
+
+    ended.assert_code(CONFIG).assert_says(&["no such file", "config/worlds/lab03.toml"]);
+    // What there is instead.
+    ended.assert_says(&["lab02.toml"]);
+}
+
+#[test]
+fn an_unknown_start_is_refused_with_those_there_are() {
+    let ended = refused(&["--start", "nowhere"]);
+
+    ended.assert_code(CONFIG).assert_says(&["lab02.toml", "`nowhere`", "`inner`", "`outer`"]);
+}
+
+#[test]
+fn a_missing_launch_file_is_refused_by_name() {
+    let ended = refused(&["config/simulator.toml"]);
+
+    ended.assert_code(CONFIG).assert_says(&["no such file", "config/simulator.toml"]);
+    ended.assert_says(&["simulation.toml"]);
+}
+
+#[test]
+fn a_controller_that_does_not_exist_is_refused_by_name_and_line() {
+    let text = SIMULATION.replace("controller/lab_simulation.toml", "controller/genius.toml");
+    let ended = refused_launch_file(&text);
+
+    ended.assert_code(CONFIG).assert_says(&["no such file", "controller/genius.toml"]);
+    ended.assert_says(&["controller did not come up"]);
+}
+
+#[test]
+fn an_algorithm_that_does_not_exist_is_refused_with_those_there_are() {
+    let ended = refused(&["--set", "controller.algorithm=genius"]);
+
+    ended.assert_code(CONFIG);
+    ended.assert_says(&["`controller.algorithm`", "genius", "wall_following"]);
+}
+
+#[test]
+fn a_launch_file_that_is_no_toml_is_refused_by_file_and_line() {
+    let text = SIMULATION.replace("seed = 1", "seed 1");
+    let line = 1 + SIMULATION.lines().position(|line| line == "seed = 1").unwrap();
+    let ended = refused_launch_file(&text);
+
+    ended.assert_code(CONFIG).assert_says(&[&format!("launch.toml:{line}:")]);
+}
+
+#[test]
+fn an_unknown_key_in_a_launch_file_is_refused_with_a_suggestion() {
+    let text = SIMULATION.replace("queue_size", "queue_sise");
+    let ended = refused_launch_file(&text);
+
+    ended.assert_code(CONFIG);
+    ended.assert_says(&["launch.toml:", "`pairing.queue_sise`", "did you mean `queue_size`?"]);
+}
+
+#[test]
+fn all_mistakes_are_told_at_once() {
+    let text = SIMULATION.replace("queue_size", "queue_sise").replace("seed = 1", "sead = 1");
+    let ended = refused_launch_file(&text);
+
+    ended.assert_code(CONFIG).assert_says(&["`pairing.queue_sise`", "`sead`", "2 errors"]);
+}
+
+#[test]
+fn two_processes_of_one_name_are_refused() {
+    let ended = refused_launch_file(&format!("{SIMULATION}\n[[process]]\nname = \"odometry\"\n"));
+
+    ended.assert_code(CONFIG).assert_says(&["odometry"]);
+}
+
+#[test]
+fn an_unknown_process_in_a_setting_is_refused_with_a_suggestion() {
+    let ended = refused(&["--set", "simulatr.start=inner"]);
+
+    ended.assert_code(CONFIG).assert_says(&["`simulatr`", "did you mean `simulator`?"]);
+}
+
+#[test]
+fn an_unknown_key_in_a_setting_is_refused_with_a_suggestion() {
+    let ended = refused(&["--set", "simulator.lidar.beems=100"]);
+
+    ended.assert_code(CONFIG).assert_says(&["`simulator.lidar.beems`", "did you mean `beams`?"]);
+}
+
+#[test]
+fn a_setting_without_a_value_is_refused() {
+    refused(&["--set", "seed"]).assert_code(CONFIG).assert_says(&["KEY=VALUE"]);
+}
+
+#[test]
+fn a_negative_length_is_refused_by_key() {
+    for set in ["simulator.dt_s=-1", "odometry.track_m=-0.1", "pairing.slop_ms=-50"] {
+        let (key, _) = set.split_once('=').unwrap();
+        refused(&["--set", set]).assert_code(CONFIG).assert_says(&[&format!("`{key}`")]);
+    }
+}
+
+#[test]
+fn a_value_that_is_no_number_is_refused_by_key() {
+    for (set, key) in [
+        ("odometry.track_m=nan", "`odometry.track_m`"),
+        ("simulator.robot_radius_m=wide", "`simulator.robot_radius_m`"),
+        ("pairing.slop_ms=inf", "`pairing.slop_ms`"),
+    ] {
+        refused(&["--set", set]).assert_code(CONFIG).assert_says(&[key]);
+    }
+}
+
+#[test]
+fn a_run_that_shall_last_no_time_is_refused() {
+    for seconds in ["--for=-3", "--for=0", "--for=nan", "--for=inf"] {
+        refused(&[seconds]).assert_code(CONFIG).assert_says(&["`for_s`"]);
+    }
+}
+
+#[test]
+fn an_end_that_does_not_exist_is_refused_with_those_there_are() {
+    let ended = refused(&["--until", "teatime"]);
+
+    ended.assert_code(CONFIG).assert_says(&["`until`", "teatime", "`round-trip`", "`goal`"]);
+}
+
+#[test]
+fn a_clock_that_does_not_exist_is_refused_with_those_there_are() {
+    let ended = refused(&["--clock", "cuckoo"]);
+
+    ended.assert_code(CONFIG).assert_says(&["`clock`", "cuckoo", "`lockstep`", "`realtime`"]);
+}
+
+#[test]
+fn a_robot_s_name_that_leaves_its_directory_is_refused() {
+    refused(&["--robot", "../burger"]).assert_code(CONFIG).assert_says(&["`robot`"]);
+}
+
+#[test]
+fn an_unknown_option_is_refused_with_a_suggestion() {
+    refused(&["--sed", "3"]).assert_code(USAGE).assert_says(&["--sed", "--seed"]);
+}
+
+#[test]
+fn a_report_that_cannot_be_written_fails_the_run_by_file() {
+    let robot = Robot::new();
+    let report = "/proc/no/such/report.json";
+    let ended = robot.start(&["up", "--for", "1", "--report", report]).wait();
+
+    assert_ne!(ended.code, 0, "{}", ended.story());
+    ended.assert_says(&[report]);
+}
+
+#[test]
+fn a_robot_that_runs_already_is_refused_with_its_holder_and_runs_on() {
+    let robot = Robot::new();
+    let mut first = robot.start_up(&["--clock", "realtime"]);
+    first.await_active();
+
+    let second = robot.start(&["up", "--clock", "realtime"]).wait();
+    let holder = format!("process {}", first.process().pid);
+    second.assert_code(HELD).assert_says(&["'burger' is already running", &holder]);
+
+    let ended = first.await_active().signal(Signal::INT).wait();
+    ended.assert_code(0).assert_counters_close();
+}
+
+#[test]
+fn two_robots_of_different_names_run_side_by_side() {
+    let robot = Robot::new();
+    let mut first = robot.start_up(&["--clock", "realtime"]);
+    first.await_active();
+
+    let second = robot.start(&["up", "--robot", "waffle", "--for", "5"]).wait();
+    second.assert_code(0).assert_says(&["5 s are over"]);
+
+    first.signal(Signal::INT).wait().assert_code(0).assert_counters_close();
+}
+
+/// The run with these arguments has ended with a message, and nothing is left of it.
+fn refused(arguments: &[&str]) -> Ended {
+    refused_by(&Robot::new(), arguments)
+}
+
+fn refused_world(text: &str) -> Ended {
+    let robot = Robot::new();
+    let world = robot.file("world.toml", text);
+    refused_by(&robot, &["--world", &world])
+}
+
+fn refused_launch_file(text: &str) -> Ended {
+    let robot = Robot::new();
+    let launch_file = robot.file("launch.toml", text);
+    refused_by(&robot, &[&launch_file])
+}
+
+fn refused_by(robot: &Robot, arguments: &[&str]) -> Ended {
+    // Finite even where the input is not refused.
+    let finite = if arguments.iter().any(|argument| argument.starts_with("--for")) {
+        arguments.to_vec()
+    } else {
+        [arguments, &["--for", "1"]].concat()
+    };
+    let ended = robot.up(&finite);
+    assert_ne!(ended.code, 0, "{}", ended.story());
+    assert!(!ended.err.trim().is_empty(), "no message\n{}", ended.story());
+    robot.assert_nothing_left();
+    ended
+}
+
+/// What the process that found the mistake says about it, and the run's own last line.
+fn complaint(ended: &Ended) -> String {
+    let last = ended.out.lines().last().unwrap_or_default();
+    format!("{}{last}", ended.err)
+}

@@ -1,0 +1,115 @@
+//! Same seed, same bytes on every topic, whatever else the machine does.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use node::clock;
+
+use crate::robot::Robot;
+
+/// More than there are cores, so that the robot's processes are pushed aside at any moment.
+const BURNERS: usize = 4;
+
+/// Whatever happens to the test, the machine is given back after this long.
+const BURNING_MAX: Duration = Duration::from_secs(60);
+
+const OUTER: [&str; 4] = ["--until", "round-trip", "--seed", "1"];
+
+#[test]
+fn the_same_seed_gives_the_same_bytes_in_every_run() {
+    let robot = Robot::new();
+    let first = robot.up(&OUTER);
+    first.assert_code(0);
+    for run in 2..=5 {
+        let again = robot.up(&OUTER);
+        assert_eq!(again.digest(), first.digest(), "SEED=1, run {run}\n{}", again.story());
+        assert_eq!(again.report["topics"], first.report["topics"], "SEED=1, run {run}");
+    }
+}
+
+#[test]
+fn a_busy_machine_changes_no_byte() {
+    let robot = Robot::new();
+    let quiet = robot.up(&OUTER);
+    while_busy(|| {
+        for run in 1..=3 {
+            let busy = robot.up(&OUTER);
+            busy.assert_code(0).assert_nothing_lost();
+            assert_eq!(busy.digest(), quiet.digest(), "SEED=1, run {run}\n{}", busy.story());
+        }
+    });
+}
+
+#[test]
+fn how_processes_wait_changes_no_byte() {
+    let robot = Robot::new();
+    let yielding = robot.up(&OUTER);
+    let blocking = robot.up(&[&OUTER[..], &["--set", "wait=block"]].concat());
+
+    blocking.assert_code(0).assert_nothing_lost();
+    assert_eq!(blocking.digest(), yielding.digest(), "SEED=1\n{}", blocking.story());
+}
+
+#[test]
+fn the_robot_s_name_changes_no_byte() {
+    let robot = Robot::new();
+    let burger = robot.up(&["--for", "5"]);
+    let waffle = robot.up(&["--for", "5", "--robot", "waffle"]);
+
+    assert_eq!(waffle.report["robot"], "waffle");
+    assert_eq!(waffle.digest(), burger.digest(), "{}", waffle.story());
+}
+
+#[test]
+fn another_seed_gives_other_noise_and_another_digest() {
+    let robot = Robot::new();
+    let digest = |seed: &str| {
+        let noise = ["--set", "simulator.lidar.noise=gazebo", "--for", "5", "--seed", seed];
+        let ended = robot.up(&noise);
+        ended.assert_code(0);
+        ended.digest().to_owned()
+    };
+    let digests: Vec<_> = ["1", "2", "3"].map(digest).into();
+
+    assert_eq!(digest("1"), digests[0], "SEED=1 again");
+    assert_ne!(digests[0], digests[1], "SEED=1 and 2");
+    assert_ne!(digests[1], digests[2], "SEED=2 and 3");
+    assert_ne!(digests[0], digests[2], "SEED=1 and 3");
+}
+
+#[test]
+fn lock_step_runs_faster_than_real_time() {
+    let robot = Robot::new();
+    let ended = robot.up(&OUTER);
+
+    let factor = ended.report["real_time_factor"].as_f64().unwrap();
+    assert!(1.0 < factor, "{factor} x real time\n{}", ended.story());
+}
+
+/// Runs `body` while other threads want all of the machine.
+fn while_busy(body: impl FnOnce()) {
+    let is_over = AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        // Also where `body` panics: the scope waits for the burners.
+        let _end = EndOnDrop(&is_over);
+        for _ in 0..BURNERS {
+            scope.spawn(|| burn(&is_over));
+        }
+        body();
+    });
+}
+
+fn burn(is_over: &AtomicBool) {
+    let begun = clock::now();
+    while !is_over.load(Ordering::Relaxed) && clock::now().since(begun) < BURNING_MAX {
+        std::hint::spin_loop();
+    }
+}
+
+struct EndOnDrop<'a>(&'a AtomicBool);
+
+impl Drop for EndOnDrop<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+}

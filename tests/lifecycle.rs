@@ -1,0 +1,276 @@
+//! Up in order, down in reverse, and nothing left whatever dies.
+
+use std::time::Duration;
+
+use rustix::process::Signal;
+
+use crate::robot::{Ended, Robot, Run};
+
+/// The nodes of config/simulation.toml in the order in which they start; the pairing is the
+/// supervisor's own.
+const ORDER: [&str; 4] = ["pairing", "odometry", "controller", "simulator"];
+
+/// A node has ended by itself.
+const DIED: i32 = 3;
+
+/// A node has not come up.
+const NOT_STARTED: i32 = 4;
+
+/// As a shell says it: killed by signal 9.
+const KILLED: i32 = 128 + 9;
+
+const SIMULATION: &str = include_str!("../config/simulation.toml");
+
+#[test]
+fn nodes_come_up_in_order_and_go_down_in_reverse() {
+    let robot = Robot::new();
+    let ended = robot.up(&["--for", "2"]);
+
+    let mut reverse = ORDER;
+    reverse.reverse();
+    ended.assert_code(0);
+    assert_eq!(ended.changed(" unconfigured -> inactive"), ORDER, "{}", ended.story());
+    assert_eq!(ended.changed(" inactive -> active"), ORDER, "{}", ended.story());
+    assert_eq!(ended.changed(" active -> inactive"), reverse, "{}", ended.story());
+    assert_eq!(ended.changed(" inactive -> finalized"), reverse, "{}", ended.story());
+}
+
+#[test]
+fn all_are_configured_before_the_first_is_activated_and_paused_before_the_first_ends() {
+    let robot = Robot::new();
+    let ended = robot.up(&["--for", "2"]);
+
+    let steps = [
+        " unknown -> unconfigured",
+        " unconfigured -> inactive",
+        " inactive -> active",
+        " active -> inactive",
+        " inactive -> finalized",
+    ];
+    let told = ended.out.lines().filter_map(|line| steps.iter().position(|s| line.ends_with(s)));
+    let told: Vec<_> = told.collect();
+    assert!(told.is_sorted(), "{told:?}\n{}", ended.story());
+    assert_eq!(told.len(), steps.len() * ORDER.len(), "{}", ended.story());
+}
+
+#[test]
+fn a_signal_to_stop_ends_lock_step_with_closed_counters() {
+    for signal in [Signal::INT, Signal::TERM, Signal::HUP] {
+        let robot = Robot::new();
+        let ended = active(&robot, &[]).signal(signal).wait_asked();
+
+        ended.assert_nothing_lost();
+    }
+}
+
+#[test]
+fn a_signal_to_stop_ends_real_time_with_closed_counters() {
+    for signal in [Signal::INT, Signal::TERM] {
+        let robot = Robot::new();
+        let ended = active(&robot, &["--clock", "realtime"]).signal(signal).wait_asked();
+
+        ended.assert_counters_close();
+    }
+}
+
+#[test]
+fn a_signal_to_stop_is_heard_while_nodes_still_start() {
+    let robot = Robot::new();
+    let launch_file = with_stranger(&robot, r#"["/bin/sh", "-c", "exec sleep 300"]"#);
+    let mut run = robot.start_up(&[&launch_file]);
+    run.await_output("simulator    unknown -> unconfigured").signal(Signal::TERM);
+
+    run.wait_asked();
+}
+
+#[test]
+fn a_node_that_is_killed_ends_the_run_with_its_name_and_reason() {
+    for (clock, node) in [
+        ("lockstep", "odometry"),
+        ("lockstep", "simulator"),
+        ("realtime", "odometry"),
+        ("realtime", "controller"),
+        ("realtime", "simulator"),
+    ] {
+        let robot = Robot::new();
+        let run = active(&robot, &["--clock", clock]);
+        run.node(node).signal(Signal::KILL);
+
+        let ended = run.wait();
+        ended.assert_code(DIED).assert_says(&[&format!("{node} was killed by signal 9")]);
+        assert_eq!(ended.report["exit"]["code"], DIED, "{}", ended.story());
+        robot.assert_nothing_left();
+    }
+}
+
+#[test]
+fn a_node_that_ends_when_nobody_asked_it_to_ends_the_run_with_its_name() {
+    let robot = Robot::new();
+    let run = active(&robot, &["--clock", "realtime"]);
+    run.node("odometry").signal(Signal::TERM);
+
+    let ended = run.wait();
+    ended.assert_code(DIED).assert_says(&["odometry exited with code 0"]);
+}
+
+#[test]
+fn a_node_that_hangs_is_ended_all_the_same() {
+    let robot = Robot::new();
+    let mut run = active(&robot, &["--clock", "realtime"]);
+    run.node("controller").signal(Signal::STOP);
+
+    run.signal(Signal::INT).wait_asked();
+    robot.assert_nothing_left();
+}
+
+#[test]
+fn a_second_signal_to_stop_does_not_wait_for_a_node_that_hangs() {
+    let robot = Robot::new();
+    let mut run = active(&robot, &["--clock", "realtime"]);
+    run.node("controller").signal(Signal::STOP);
+    run.signal(Signal::INT).await_output("simulator    active -> inactive").signal(Signal::INT);
+
+    run.wait().assert_code(KILLED);
+    robot.assert_nothing_left();
+}
+
+#[test]
+fn when_the_supervisor_is_killed_nothing_is_left_of_the_run() {
+    for clock in ["lockstep", "realtime"] {
+        let robot = Robot::new();
+        let run = active(&robot, &["--clock", clock]);
+        run.supervisor().signal(Signal::KILL);
+
+        run.wait().assert_code(KILLED);
+        robot.assert_nothing_left();
+    }
+}
+
+#[test]
+fn when_up_itself_is_killed_no_process_survives_and_the_next_run_cleans_up() {
+    let robot = Robot::new();
+    let mut run = active(&robot, &["--clock", "realtime"]);
+    assert_eq!(robot.processes().len(), 2 + 3, "guardian, supervisor and nodes\n{}", run.output());
+    run.signal(Signal::KILL).wait().assert_code(KILLED);
+    robot.await_no_process();
+
+    let next = robot.up(&["--for", "2"]);
+    next.assert_code(0).assert_nothing_lost();
+    robot.assert_nothing_left();
+}
+
+#[test]
+fn when_all_are_killed_at_once_the_next_run_cleans_up() {
+    let robot = Robot::new();
+    let run = active(&robot, &["--clock", "realtime"]);
+    // The guardian first, so that it cannot clean up.
+    let mut processes = robot.processes();
+    processes.sort_by_key(|&process| process != run.process());
+    for process in processes {
+        process.signal(Signal::KILL);
+    }
+    run.wait().assert_code(KILLED);
+    robot.await_no_process();
+    assert!(!robot.segments().is_empty(), "nothing was left that could be cleaned up");
+
+    robot.up(&["--for", "2"]).assert_code(0).assert_nothing_lost();
+    robot.assert_nothing_left();
+}
+
+#[test]
+fn an_executable_that_does_not_exist_ends_the_run_with_its_name() {
+    let ended = run_with_stranger(r#"["no_such_program"]"#);
+
+    ended.assert_code(NOT_STARTED);
+    ended.assert_says(&["stranger did not come up: no_such_program: No such file or directory"]);
+}
+
+#[test]
+fn an_executable_that_ends_at_once_ends_the_run_with_its_name_and_code() {
+    let ended = run_with_stranger(r#"["/bin/false"]"#);
+
+    ended.assert_code(NOT_STARTED).assert_says(&["stranger did not come up: exited with code 1"]);
+}
+
+#[test]
+fn an_executable_that_never_speaks_is_given_up_and_ended() {
+    let ended = run_with_stranger(r#"["/bin/sh", "-c", "exec sleep 300"]"#);
+
+    ended.assert_code(NOT_STARTED).assert_says(&["stranger did not come up: still unknown after"]);
+}
+
+#[test]
+fn an_executable_that_heeds_no_signal_is_killed_in_the_end() {
+    let robot = Robot::new();
+    let stubborn = r#"["/bin/sh", "-c", "trap '' TERM INT HUP; while :; do sleep 1; done"]"#;
+    let launch_file = with_stranger(&robot, stubborn);
+    let mut run = robot.start_up(&[&launch_file]);
+    run.await_output("simulator    unknown -> unconfigured").signal(Signal::TERM);
+
+    run.wait_asked();
+    robot.assert_nothing_left();
+}
+
+#[test]
+fn a_grandchild_does_not_outlive_the_run() {
+    let ended = run_with_stranger(r#"["/bin/sh", "-c", "sleep 300 & exec /bin/false"]"#);
+
+    ended.assert_code(NOT_STARTED).assert_says(&["stranger did not come up: exited with code 1"]);
+}
+
+#[test]
+fn a_node_that_nobody_supervises_starts_itself_and_stops_when_asked() {
+    let robot = Robot::new();
+    let mut node = robot.start(&["odometry", "--autostart", "--log-level", "debug"]);
+    node.await_output("goal=active").signal(Signal::TERM);
+
+    node.wait().assert_code(0);
+    // Nobody but `up` removes what all nodes share.
+    robot.up(&["--for", "1"]).assert_code(0);
+}
+
+impl Run<'_> {
+    /// Waits for the end of a run that was asked to stop.
+    #[track_caller]
+    fn wait_asked(self) -> Ended {
+        let ended = self.wait();
+        ended.assert_code(0).assert_says(&["asked to stop (exit 0)"]);
+        ended
+    }
+}
+
+trait Signalled {
+    /// The same run, asked to stop.
+    fn signal(self, signal: Signal) -> Self;
+}
+
+impl Signalled for Run<'_> {
+    fn signal(mut self, signal: Signal) -> Self {
+        Run::signal(&mut self, signal);
+        self
+    }
+}
+
+/// A run that has been active for a while.
+fn active<'a>(robot: &'a Robot, arguments: &[&str]) -> Run<'a> {
+    let mut run = robot.start_up(arguments);
+    run.await_active().go_on(Duration::from_millis(200));
+    run
+}
+
+fn run_with_stranger(exec: &str) -> Ended {
+    let robot = Robot::new();
+    let launch_file = with_stranger(&robot, exec);
+    let ended = robot.up(&[&launch_file]);
+    robot.assert_nothing_left();
+    ended
+}
+
+/// The simulation with one more process, that is no node of ours.
+fn with_stranger(robot: &Robot, exec: &str) -> String {
+    let config = format!("{}/config", env!("CARGO_MANIFEST_DIR"));
+    let text = SIMULATION
+        .replace("controller/", &format!("{config}/controller/"))
+        .replace("worlds/", &format!("{config}/worlds/"));
+    robot.file("launch.toml", &format!("{text}\n[[process]]\nname = \"stranger\"\nexec = {exec}\n"))
+}

@@ -1,0 +1,26 @@
+//! Whole-system tests: real processes, each robot in shared memory of its own, and the house rules.
+//!
+//! One binary with a module per theme, so that it links once.
+
+#![forbid(unsafe_code)]
+
+#[cfg(test)]
+mod bad_input;
+#[cfg(test)]
+mod determinism;
+#[cfg(test)]
+mod example;
+#[cfg(test)]
+mod house_rules;
+#[cfg(test)]
+mod lifecycle;
+#[cfg(test)]
+mod loop_in_one_thread;
+#[cfg(test)]
+mod realtime;
+#[cfg(test)]
+mod robot;
+#[cfg(test)]
+mod round_trip;
+#[cfg(test)]
+mod topics;

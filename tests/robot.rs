@@ -1,0 +1,433 @@
+//! The harness: a robot of a test's own, the runs of it, and the proof that nothing is left of them.
+
+use std::cell::RefCell;
+use std::collections::BTreeSet;
+use std::fs::{self, File};
+use std::os::unix::process::ExitStatusExt;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::Duration;
+
+use node::{Namespace, clock};
+use rustix::process::{Pid, Signal};
+use serde_json::Value;
+
+/// Long enough for the slowest run on a machine that is busy with other things.
+const TIMEOUT: Duration = Duration::from_secs(60);
+
+/// Between two looks at a process.
+const POLL: Duration = Duration::from_millis(2);
+
+/// How long the kernel may take to end what it was told to end.
+const SURVIVAL_MAX: Duration = Duration::from_secs(10);
+
+/// Where shared memory lies.
+const SHARED_MEMORY: &str = "/dev/shm";
+
+/// Set where a test's body runs in a process of its own; see [`alone`].
+const ALONE: &str = "TESEO_TEST_ALONE";
+
+static ROBOTS: AtomicU32 = AtomicU32::new(0);
+
+/// A runtime directory that no other test uses, and so a namespace of its own. Dropping it asserts
+/// that nothing is left there: no process, no file, no shared memory.
+#[derive(Debug)]
+pub(crate) struct Robot {
+    directory: PathBuf,
+    /// Of the names in shared memory, as read while a run was on.
+    prefixes: RefCell<BTreeSet<String>>,
+}
+
+impl Robot {
+    pub(crate) fn new() -> Self {
+        let number = ROBOTS.fetch_add(1, Ordering::Relaxed);
+        // Short: a socket's address has 108 bytes.
+        let name = format!("teseo-t{}-{number}", std::process::id());
+        let directory = std::env::temp_dir().join(name);
+        fs::create_dir(&directory).unwrap();
+        Self { directory, prefixes: RefCell::default() }
+    }
+
+    /// A file of the test's own, gone with the robot.
+    pub(crate) fn file(&self, name: &str, text: &str) -> String {
+        let path = self.directory.join(name);
+        fs::write(&path, text).unwrap();
+        path.to_str().unwrap().to_owned()
+    }
+
+    /// Runs `teseo up` with these arguments to its end.
+    pub(crate) fn up(&self, arguments: &[&str]) -> Ended {
+        self.start_up(arguments).wait()
+    }
+
+    /// Starts `teseo up` with these arguments.
+    pub(crate) fn start_up(&self, arguments: &[&str]) -> Run<'_> {
+        let report = self.directory.join("report.json");
+        let report = report.to_str().unwrap();
+        self.start(&[&["up", "--report", report], arguments].concat())
+    }
+
+    /// Starts `teseo` with these arguments.
+    pub(crate) fn start(&self, arguments: &[&str]) -> Run<'_> {
+        let output = |name: &str| {
+            let number = ROBOTS.fetch_add(1, Ordering::Relaxed);
+            self.directory.join(format!("{name}-{number}"))
+        };
+        let (out, err) = (output("out"), output("err"));
+        let child = Command::new(env!("CARGO_BIN_EXE_teseo"))
+            .args(arguments)
+            .current_dir(env!("CARGO_MANIFEST_DIR"))
+            .env("TESEO_RUNTIME_DIR", self.runtime())
+            .stdin(Stdio::null())
+            .stdout(File::create(&out).unwrap())
+            .stderr(File::create(&err).unwrap())
+            .spawn()
+            .unwrap();
+        let command = arguments.join(" ");
+        Run { robot: self, command, child, out, err, has_ended: false }
+    }
+
+    /// What `TESEO_RUNTIME_DIR` says.
+    pub(crate) fn runtime(&self) -> PathBuf {
+        self.directory.join("r")
+    }
+
+    /// The processes that live in this robot's runtime directory, whoever their parent is.
+    pub(crate) fn processes(&self) -> Vec<Process> {
+        let mark = format!("TESEO_RUNTIME_DIR={}", self.runtime().display());
+        let entries = fs::read_dir("/proc").unwrap().flatten();
+        let pids = entries.filter_map(|entry| entry.file_name().to_str()?.parse().ok());
+        pids.filter(|&pid: &i32| pid != i32::try_from(std::process::id()).unwrap())
+            .filter(|pid| {
+                let environment = fs::read(format!("/proc/{pid}/environ")).unwrap_or_default();
+                environment.split(|&byte| byte == 0).any(|entry| entry == mark.as_bytes())
+            })
+            .map(|pid| Process { pid })
+            .collect()
+    }
+
+    /// Waits until no process of this robot lives.
+    pub(crate) fn await_no_process(&self) {
+        let gone = wait_until(SURVIVAL_MAX, || self.processes().is_empty());
+        assert!(gone, "these outlive the run: {:?}", self.describe_processes());
+    }
+
+    fn describe_processes(&self) -> Vec<String> {
+        let describe =
+            |process: Process| format!("{} {}", process.pid, process.command().join(" "));
+        self.processes().into_iter().map(describe).collect()
+    }
+
+    /// Notes the prefix of every file that a run puts into shared memory, while it can be read.
+    fn note_prefixes(&self) {
+        let robots = fs::read_dir(self.runtime()).into_iter().flatten().flatten();
+        for robot in robots {
+            self.prefixes.borrow_mut().extend(prefix(&robot.path()));
+        }
+    }
+
+    /// The files of this robot in shared memory.
+    pub(crate) fn segments(&self) -> Vec<String> {
+        self.prefixes.borrow().iter().flat_map(|prefix| segments(prefix)).collect()
+    }
+
+    /// Nothing is left of the runs so far.
+    pub(crate) fn assert_nothing_left(&self) {
+        self.await_no_process();
+        assert_eq!(self.segments(), [""; 0], "left in {SHARED_MEMORY}");
+        let files: Vec<_> =
+            fs::read_dir(self.runtime()).into_iter().flatten().flatten().collect();
+        assert!(!self.runtime().exists(), "left in the runtime directory: {files:?}");
+    }
+
+    /// After a failed test, so that it does not harm the next.
+    fn clean_up(&self) {
+        for process in self.processes() {
+            process.signal(Signal::KILL);
+        }
+        for segment in self.segments() {
+            let _ = fs::remove_file(Path::new(SHARED_MEMORY).join(segment));
+        }
+    }
+}
+
+impl Drop for Robot {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            self.clean_up();
+            let _ = fs::remove_dir_all(&self.directory);
+            return;
+        }
+        let processes = self.describe_processes();
+        let segments = self.segments();
+        let is_left = self.runtime().exists();
+        self.clean_up();
+        fs::remove_dir_all(&self.directory).unwrap();
+        assert_eq!(processes, [""; 0], "outlived the run");
+        assert_eq!(segments, [""; 0], "left in {SHARED_MEMORY}");
+        assert!(!is_left, "the run left its runtime directory");
+    }
+}
+
+/// A process of a run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Process {
+    pub(crate) pid: i32,
+}
+
+impl Process {
+    pub(crate) fn signal(self, signal: Signal) {
+        assert!(1 < self.pid, "{} is nobody to send a signal to", self.pid);
+        // It may have ended by itself meanwhile.
+        let _ = rustix::process::kill_process(Pid::from_raw(self.pid).unwrap(), signal);
+    }
+
+    /// The words that it was started with.
+    pub(crate) fn command(self) -> Vec<String> {
+        let command = fs::read_to_string(format!("/proc/{}/cmdline", self.pid));
+        command.unwrap_or_default().split_terminator('\0').map(str::to_owned).collect()
+    }
+
+    fn children(self) -> Vec<Self> {
+        let path = format!("/proc/{0}/task/{0}/children", self.pid);
+        let children = fs::read_to_string(path).unwrap_or_default();
+        children.split_whitespace().map(|pid| Self { pid: pid.parse().unwrap() }).collect()
+    }
+}
+
+/// A process that was started, and what it has written.
+#[derive(Debug)]
+pub(crate) struct Run<'a> {
+    robot: &'a Robot,
+    command: String,
+    child: Child,
+    out: PathBuf,
+    err: PathBuf,
+    has_ended: bool,
+}
+
+impl Run<'_> {
+    /// The process itself: of `teseo up`, the guardian.
+    pub(crate) fn process(&self) -> Process {
+        Process { pid: i32::try_from(self.child.id()).unwrap() }
+    }
+
+    /// The one process that `teseo up` has started itself.
+    pub(crate) fn supervisor(&self) -> Process {
+        let children = self.process().children();
+        assert_eq!(children.len(), 1, "`up` has one child: {children:?}\n{}", self.output());
+        children[0]
+    }
+
+    /// The process of the node called `name`.
+    pub(crate) fn node(&self, name: &str) -> Process {
+        let argument = format!("--name={name}");
+        let children = self.supervisor().children();
+        let node = children.into_iter().find(|child| child.command().contains(&argument));
+        node.unwrap_or_else(|| panic!("no process is the node {name}\n{}", self.output()))
+    }
+
+    /// Waits until the run's output contains `text`.
+    pub(crate) fn await_output(&mut self, text: &str) -> &mut Self {
+        let found = self.watch_until(|run| run.output().contains(text));
+        assert!(found, "{} never said '{text}'\n{}", self.command, self.output());
+        self
+    }
+
+    /// Waits until all nodes are active.
+    pub(crate) fn await_active(&mut self) -> &mut Self {
+        // The world is the last to be activated.
+        self.await_output("simulator    inactive -> active")
+    }
+
+    /// Goes on for about this long.
+    pub(crate) fn go_on(&mut self, duration: Duration) -> &mut Self {
+        let ended = wait_until(duration, || self.poll());
+        assert!(!ended, "{} ended by itself\n{}", self.command, self.output());
+        self
+    }
+
+    pub(crate) fn signal(&mut self, signal: Signal) -> &mut Self {
+        self.process().signal(signal);
+        self
+    }
+
+    /// Waits for the end.
+    pub(crate) fn wait(mut self) -> Ended {
+        let ended = self.watch_until(|_| false);
+        assert!(ended, "{} did not end in {TIMEOUT:?}\n{}", self.command, self.output());
+        let status = self.child.wait().unwrap();
+        let report = fs::read_to_string(self.robot.directory.join("report.json")).ok();
+        let _ = fs::remove_file(self.robot.directory.join("report.json"));
+        Ended {
+            command: self.command.clone(),
+            code: status.code().unwrap_or_else(|| 128 + status.signal().unwrap()),
+            out: fs::read_to_string(&self.out).unwrap(),
+            err: fs::read_to_string(&self.err).unwrap(),
+            report: report.map_or(Value::Null, |text| serde_json::from_str(&text).unwrap()),
+        }
+    }
+
+    /// Standard output and standard error so far.
+    pub(crate) fn output(&self) -> String {
+        let read = |path| fs::read_to_string(path).unwrap_or_default();
+        format!("{}{}", read(&self.out), read(&self.err))
+    }
+
+    /// False where neither the process has ended nor `is_enough` held in time.
+    fn watch_until(&mut self, is_enough: impl Fn(&Self) -> bool) -> bool {
+        wait_until(TIMEOUT, || {
+            let has_ended = self.poll();
+            is_enough(self) || has_ended
+        })
+    }
+
+    fn poll(&mut self) -> bool {
+        self.robot.note_prefixes();
+        self.has_ended |= self.child.try_wait().unwrap().is_some();
+        self.has_ended
+    }
+}
+
+impl Drop for Run<'_> {
+    fn drop(&mut self) {
+        if !self.has_ended {
+            self.process().signal(Signal::KILL);
+            let _ = self.child.wait();
+        }
+    }
+}
+
+/// A run that is over.
+#[derive(Debug)]
+pub(crate) struct Ended {
+    command: String,
+    pub(crate) code: i32,
+    pub(crate) out: String,
+    pub(crate) err: String,
+    /// Null where the run did not come so far as to write one.
+    pub(crate) report: Value,
+}
+
+impl Ended {
+    /// Everything that a failed assertion should show.
+    pub(crate) fn story(&self) -> String {
+        format!("$ teseo {}\n{}{}exit {}", self.command, self.out, self.err, self.code)
+    }
+
+    #[track_caller]
+    pub(crate) fn assert_code(&self, code: i32) -> &Self {
+        assert_eq!(self.code, code, "exit code\n{}", self.story());
+        self
+    }
+
+    /// Whatever was printed, to either side, contains each of `texts`.
+    #[track_caller]
+    pub(crate) fn assert_says(&self, texts: &[&str]) -> &Self {
+        for text in texts {
+            let is_said = self.out.contains(text) || self.err.contains(text);
+            assert!(is_said, "it does not say '{text}'\n{}", self.story());
+        }
+        self
+    }
+
+    /// Every sample that was sent came to every reader, or was at least accounted for.
+    #[track_caller]
+    pub(crate) fn assert_counters_close(&self) -> &Self {
+        assert_eq!(self.report["counters_close"], true, "{}", self.story());
+        self
+    }
+
+    /// Every sample that was sent was received, and read, by every reader.
+    #[track_caller]
+    pub(crate) fn assert_nothing_lost(&self) -> &Self {
+        self.assert_counters_close();
+        for (name, topic) in self.topics() {
+            for (reader, counters) in topic["readers"].as_object().unwrap() {
+                let whole = [&topic["sent"], &0.into(), &0.into(), &0.into()];
+                let counted = ["received", "lost", "unread", "stale"].map(|key| &counters[key]);
+                assert_eq!(counted, whole, "{reader} of {name}\n{}", self.story());
+            }
+        }
+        self
+    }
+
+    pub(crate) fn topics(&self) -> &serde_json::Map<String, Value> {
+        self.report["topics"].as_object().unwrap_or_else(|| panic!("no report\n{}", self.story()))
+    }
+
+    /// A figure of a node.
+    #[track_caller]
+    pub(crate) fn figure(&self, node: &str, key: &str) -> f64 {
+        let figure = self.report["nodes"][node][key].as_f64();
+        figure.unwrap_or_else(|| panic!("no figure {key} of {node}\n{}", self.story()))
+    }
+
+    #[track_caller]
+    pub(crate) fn digest(&self) -> &str {
+        let digest = self.report["digest"].as_str();
+        digest.unwrap_or_else(|| panic!("no digest\n{}", self.story()))
+    }
+
+    /// The nodes that went from one state to another, in the order in which they were told.
+    pub(crate) fn changed(&self, change: &str) -> Vec<&str> {
+        let lines = self.out.lines().filter_map(|line| line.strip_suffix(change));
+        lines.filter_map(|line| line.split_whitespace().last()).collect()
+    }
+}
+
+/// Runs `body`, which joins shared memory itself, in a process of its own: the transport's namespace
+/// is a process's, for good. `body` is a closure of the test that calls this, by which the test is
+/// found again.
+pub(crate) fn alone<F: FnOnce(&Namespace)>(body: F) {
+    if std::env::var_os(ALONE).is_some() {
+        let namespace = Namespace::new("burger").unwrap();
+        body(&namespace);
+        let prefix = prefix(namespace.directory()).expect("the body has joined the namespace");
+        assert_eq!(namespace.remove(), [""; 0].map(PathBuf::from));
+        assert_eq!(segments(&prefix), [""; 0], "left in {SHARED_MEMORY}");
+        return;
+    }
+    let robot = Robot::new();
+    let path = std::any::type_name::<F>();
+    let (_, test) = path.split_once("::").unwrap();
+    let test = test.trim_end_matches("::{{closure}}");
+    let child = Command::new(std::env::current_exe().unwrap())
+        .args([test, "--exact", "--nocapture"])
+        .env("TESEO_RUNTIME_DIR", robot.runtime())
+        .env(ALONE, "yes")
+        .output()
+        .unwrap();
+    let output = [child.stdout, child.stderr].map(|text| String::from_utf8(text).unwrap()).concat();
+    assert!(child.status.success() && output.contains("1 passed"), "{output}");
+}
+
+/// What every name in shared memory of the robot in `directory` begins with, while it runs.
+fn prefix(directory: &Path) -> Option<String> {
+    let text = fs::read_to_string(directory.join("iceoryx2.toml")).ok()?;
+    let prefix = text.lines().find_map(|line| line.strip_prefix("prefix = "))?;
+    Some(prefix.trim_matches('"').to_owned())
+}
+
+/// The files in shared memory that begin with `prefix`.
+fn segments(prefix: &str) -> Vec<String> {
+    assert!(prefix.starts_with("teseo"), "'{prefix}' is not ours");
+    let names = fs::read_dir(SHARED_MEMORY).unwrap().flatten();
+    let names = names.filter_map(|entry| entry.file_name().into_string().ok());
+    names.filter(|name| name.starts_with(prefix)).collect()
+}
+
+/// False where `timeout` passed before `is_done` held.
+pub(crate) fn wait_until(timeout: Duration, mut is_done: impl FnMut() -> bool) -> bool {
+    let begun = clock::now();
+    loop {
+        if is_done() {
+            return true;
+        }
+        if timeout < clock::now().since(begun) {
+            return false;
+        }
+        clock::nap(POLL);
+    }
+}
