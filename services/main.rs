@@ -5,7 +5,7 @@
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-use node::Arguments;
+use node::{Arguments, Settings};
 
 /// A zero-copy shared-memory robotics runtime for one machine.
 ///
@@ -21,6 +21,8 @@ struct Command {
 enum Verb {
     /// Bring a robot up, run it, and take it down again
     Up(supervisor::Options),
+    /// Say everything that is wrong with a launch file, without running it
+    Check(supervisor::CheckOptions),
     /// Replay recorded streams through the pairing: why do my topics not pair?
     Pair(supervisor::PairOptions),
     /// Measure the runtime on this machine
@@ -39,19 +41,22 @@ fn main() -> ExitCode {
         Command::parse_from(main_job).verb.unwrap_or_else(|| unreachable!("it is a verb"))
     });
     match verb {
-        Verb::Up(options) => supervisor::main(&options),
+        Verb::Up(options) => supervisor::up(&options, check),
+        Verb::Check(options) => supervisor::check(&options, check),
         Verb::Pair(options) => node::exit_code("teseo pair", supervisor::pair(&options)),
         Verb::Bench(options) => node::exit_code("teseo bench", bench::run(&options)),
-        Verb::Simulator(arguments) => run(&arguments, "simulator", simulator::run),
-        Verb::Odometry(arguments) => run(&arguments, "odometry", odometry::run),
-        Verb::Controller(arguments) => run(&arguments, "controller", controller::run),
+        Verb::Simulator(arguments) => node::start(&arguments, "simulator", simulator::run),
+        Verb::Odometry(arguments) => node::start(&arguments, "odometry", odometry::run),
+        Verb::Controller(arguments) => node::start(&arguments, "controller", controller::run),
     }
 }
 
-fn run(
-    arguments: &Arguments,
-    name: &str,
-    body: fn(&mut node::Node<'_>) -> node::Result,
-) -> ExitCode {
-    node::exit_code(name, node::run(arguments, name, body))
+/// Checks the parameters of one process of a launch file, if it is one of our services.
+fn check(settings: &Settings) -> node::Result {
+    match settings.service() {
+        Some("simulator") => simulator::check(settings),
+        Some("odometry") => odometry::check(settings),
+        Some("controller") => controller::check(settings),
+        Some(_) | None => Ok(()),
+    }
 }

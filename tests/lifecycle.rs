@@ -19,8 +19,6 @@ const NOT_STARTED: i32 = 4;
 /// As a shell says it: killed by signal 9.
 const KILLED: i32 = 128 + 9;
 
-const SIMULATION: &str = include_str!("../config/simulation.toml");
-
 #[test]
 fn nodes_come_up_in_order_and_go_down_in_reverse() {
     let robot = Robot::new();
@@ -57,9 +55,9 @@ fn all_are_configured_before_the_first_is_activated_and_paused_before_the_first_
 fn a_signal_to_stop_ends_lock_step_with_closed_counters() {
     for signal in [Signal::INT, Signal::TERM, Signal::HUP] {
         let robot = Robot::new();
-        let ended = active(&robot, &[]).signal(signal).wait_asked();
+        let ended = active(&robot, &[]).signal(signal).wait();
 
-        ended.assert_nothing_lost();
+        ended.assert_code(0).assert_says(&["asked to stop"]).assert_nothing_lost();
     }
 }
 
@@ -67,20 +65,19 @@ fn a_signal_to_stop_ends_lock_step_with_closed_counters() {
 fn a_signal_to_stop_ends_real_time_with_closed_counters() {
     for signal in [Signal::INT, Signal::TERM] {
         let robot = Robot::new();
-        let ended = active(&robot, &["--clock", "realtime"]).signal(signal).wait_asked();
+        let ended = active(&robot, &["--clock", "realtime"]).signal(signal).wait();
 
-        ended.assert_counters_close();
+        ended.assert_code(0).assert_says(&["asked to stop"]).assert_counters_close();
     }
 }
 
 #[test]
 fn a_signal_to_stop_is_heard_while_nodes_still_start() {
     let robot = Robot::new();
-    let launch_file = with_stranger(&robot, r#"["/bin/sh", "-c", "exec sleep 300"]"#);
-    let mut run = robot.start_up(&[&launch_file]);
-    run.await_output("simulator    unknown -> unconfigured").signal(Signal::TERM);
+    let launch_file = robot.launch_file_with("stranger", r#"["/bin/sh", "-c", "exec sleep 300"]"#);
+    let run = robot.start_up(&[&launch_file]);
 
-    run.wait_asked();
+    run.await_output("simulator    unknown -> unconfigured").stop();
 }
 
 #[test]
@@ -116,21 +113,21 @@ fn a_node_that_ends_when_nobody_asked_it_to_ends_the_run_with_its_name() {
 #[test]
 fn a_node_that_hangs_is_ended_all_the_same() {
     let robot = Robot::new();
-    let mut run = active(&robot, &["--clock", "realtime"]);
+    let run = active(&robot, &["--clock", "realtime"]);
     run.node("controller").signal(Signal::STOP);
 
-    run.signal(Signal::INT).wait_asked();
+    run.stop();
     robot.assert_nothing_left();
 }
 
 #[test]
 fn a_second_signal_to_stop_does_not_wait_for_a_node_that_hangs() {
     let robot = Robot::new();
-    let mut run = active(&robot, &["--clock", "realtime"]);
+    let run = active(&robot, &["--clock", "realtime"]);
     run.node("controller").signal(Signal::STOP);
-    run.signal(Signal::INT).await_output("simulator    active -> inactive").signal(Signal::INT);
+    let run = run.signal(Signal::INT).await_output("simulator    active -> inactive");
 
-    run.wait().assert_code(KILLED);
+    run.signal(Signal::INT).wait().assert_code(KILLED);
     robot.assert_nothing_left();
 }
 
@@ -149,7 +146,7 @@ fn when_the_supervisor_is_killed_nothing_is_left_of_the_run() {
 #[test]
 fn when_up_itself_is_killed_no_process_survives_and_the_next_run_cleans_up() {
     let robot = Robot::new();
-    let mut run = active(&robot, &["--clock", "realtime"]);
+    let run = active(&robot, &["--clock", "realtime"]);
     assert_eq!(robot.processes().len(), 2 + 3, "guardian, supervisor and nodes\n{}", run.output());
     run.signal(Signal::KILL).wait().assert_code(KILLED);
     robot.await_no_process();
@@ -203,11 +200,10 @@ fn an_executable_that_never_speaks_is_given_up_and_ended() {
 fn an_executable_that_heeds_no_signal_is_killed_in_the_end() {
     let robot = Robot::new();
     let stubborn = r#"["/bin/sh", "-c", "trap '' TERM INT HUP; while :; do sleep 1; done"]"#;
-    let launch_file = with_stranger(&robot, stubborn);
-    let mut run = robot.start_up(&[&launch_file]);
-    run.await_output("simulator    unknown -> unconfigured").signal(Signal::TERM);
+    let launch_file = robot.launch_file_with("stranger", stubborn);
+    let run = robot.start_up(&[&launch_file]);
 
-    run.wait_asked();
+    run.await_output("simulator    unknown -> unconfigured").stop();
     robot.assert_nothing_left();
 }
 
@@ -221,56 +217,22 @@ fn a_grandchild_does_not_outlive_the_run() {
 #[test]
 fn a_node_that_nobody_supervises_starts_itself_and_stops_when_asked() {
     let robot = Robot::new();
-    let mut node = robot.start(&["odometry", "--autostart", "--log-level", "debug"]);
-    node.await_output("goal=active").signal(Signal::TERM);
+    let node = robot.start(&["odometry", "--autostart", "--log-level", "debug"]);
 
-    node.wait().assert_code(0);
+    node.await_output("goal=active").signal(Signal::TERM).wait().assert_code(0);
     // Nobody but `up` removes what all nodes share.
     robot.up(&["--for", "1"]).assert_code(0);
 }
 
-impl Run<'_> {
-    /// Waits for the end of a run that was asked to stop.
-    #[track_caller]
-    fn wait_asked(self) -> Ended {
-        let ended = self.wait();
-        ended.assert_code(0).assert_says(&["asked to stop (exit 0)"]);
-        ended
-    }
-}
-
-trait Signalled {
-    /// The same run, asked to stop.
-    fn signal(self, signal: Signal) -> Self;
-}
-
-impl Signalled for Run<'_> {
-    fn signal(mut self, signal: Signal) -> Self {
-        Run::signal(&mut self, signal);
-        self
-    }
-}
-
 /// A run that has been active for a while.
 fn active<'a>(robot: &'a Robot, arguments: &[&str]) -> Run<'a> {
-    let mut run = robot.start_up(arguments);
-    run.await_active().go_on(Duration::from_millis(200));
-    run
+    robot.start_up(arguments).await_active().go_on(Duration::from_millis(200))
 }
 
 fn run_with_stranger(exec: &str) -> Ended {
     let robot = Robot::new();
-    let launch_file = with_stranger(&robot, exec);
+    let launch_file = robot.launch_file_with("stranger", exec);
     let ended = robot.up(&[&launch_file]);
     robot.assert_nothing_left();
     ended
-}
-
-/// The simulation with one more process, that is no node of ours.
-fn with_stranger(robot: &Robot, exec: &str) -> String {
-    let config = format!("{}/config", env!("CARGO_MANIFEST_DIR"));
-    let text = SIMULATION
-        .replace("controller/", &format!("{config}/controller/"))
-        .replace("worlds/", &format!("{config}/worlds/"));
-    robot.file("launch.toml", &format!("{text}\n[[process]]\nname = \"stranger\"\nexec = {exec}\n"))
 }

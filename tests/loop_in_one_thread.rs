@@ -12,7 +12,7 @@ const CORRIDOR_FOLLOWING: &str = include_str!("../config/controller/corridor_fol
 const TIME_MAX: f64 = 400.0;
 
 /// One drive, until the robot is back, has touched a wall, or has had enough time.
-struct Trip {
+struct Drive {
     is_round_trip: bool,
     visited: Vec<usize>,
     seconds: f64,
@@ -80,14 +80,14 @@ fn the_same_seed_makes_the_same_trip() {
 }
 
 #[track_caller]
-fn assert_round_trip(trip: &Trip, name: &str) {
+fn assert_round_trip(trip: &Drive, name: &str) {
     assert_eq!(trip.collisions, 0, "{name}: touched a wall after {} s", trip.seconds);
     assert!(trip.is_round_trip, "{name}: not back, but at {:?}", trip.visited);
     let out_and_back: Vec<usize> = (0..16).chain((0..15).rev()).collect();
     assert_eq!(trip.visited, out_and_back, "{name}");
 }
 
-fn drive(profile: &str, start: &str, noise: Noise, beams: usize, seed: u64) -> Trip {
+fn drive(profile: &str, start: &str, noise: Noise, beams: usize, seed: u64) -> Drive {
     let world: World = toml::from_str(LAB02).unwrap();
     let mut config = simulator::Config { start: start.into(), seed, ..Default::default() };
     config.lidar.noise = noise;
@@ -115,7 +115,7 @@ fn drive(profile: &str, start: &str, noise: Noise, beams: usize, seed: u64) -> T
         let seconds = simulator.steps() as f64 * dt;
         let is_round_trip = simulator.progress().is_round_trip();
         if is_round_trip || 0 < simulator.collisions() || TIME_MAX < seconds {
-            return Trip {
+            return Drive {
                 is_round_trip,
                 visited: simulator.progress().visited().to_vec(),
                 seconds,

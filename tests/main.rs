@@ -17,10 +17,14 @@ mod lifecycle;
 #[cfg(test)]
 mod loop_in_one_thread;
 #[cfg(test)]
+mod pairing;
+#[cfg(test)]
 mod realtime;
 #[cfg(test)]
 mod robot;
 #[cfg(test)]
 mod round_trip;
+#[cfg(test)]
+mod tickets;
 #[cfg(test)]
 mod topics;

@@ -25,8 +25,11 @@ const SURVIVAL_MAX: Duration = Duration::from_secs(10);
 /// Where shared memory lies.
 const SHARED_MEMORY: &str = "/dev/shm";
 
-/// Set where a test's body runs in a process of its own; see [`alone`].
+/// Names the robot's directory where a test's body runs in a process of its own; see [`alone`].
 const ALONE: &str = "TESEO_TEST_ALONE";
+
+/// The launch file that the tests' own are made of.
+pub(crate) const SIMULATION: &str = include_str!("../config/simulation.toml");
 
 static ROBOTS: AtomicU32 = AtomicU32::new(0);
 
@@ -54,6 +57,28 @@ impl Robot {
         let path = self.directory.join(name);
         fs::write(&path, text).unwrap();
         path.to_str().unwrap().to_owned()
+    }
+
+    /// A launch file of the test's own: config/simulation.toml, each `(old, new)` of `changes` made.
+    pub(crate) fn launch_file(&self, changes: &[(&str, &str)]) -> String {
+        let directory = concat!(env!("CARGO_MANIFEST_DIR"), "/config/");
+        let mut text = SIMULATION.to_owned();
+        for (old, new) in changes {
+            assert!(text.contains(old), "config/simulation.toml has no '{old}'");
+            text = text.replace(old, new);
+        }
+        // Names of files are relative to the launch file, which lies elsewhere now.
+        for folder in ["controller/", "worlds/"] {
+            text = text.replace(&format!("\"{folder}"), &format!("\"{directory}{folder}"));
+        }
+        self.file("launch.toml", &text)
+    }
+
+    /// A launch file with one more process, which is none of ours, and starts last.
+    pub(crate) fn launch_file_with(&self, name: &str, exec: &str) -> String {
+        let last = "start = \"outer\"\n";
+        let more = format!("{last}\n[[process]]\nname = \"{name}\"\nexec = {exec}\n");
+        self.launch_file(&[(last, &more)])
     }
 
     /// Runs `teseo up` with these arguments to its end.
@@ -91,6 +116,13 @@ impl Robot {
     /// What `TESEO_RUNTIME_DIR` says.
     pub(crate) fn runtime(&self) -> PathBuf {
         self.directory.join("r")
+    }
+
+    /// Where its shared memory lies, for one that joins it; see [`alone`].
+    pub(crate) fn namespace(&self) -> Namespace {
+        let namespace = Namespace::new("burger").unwrap();
+        assert_eq!(namespace.directory(), self.runtime().join("burger"), "call this in `alone`");
+        namespace
     }
 
     /// The processes that live in this robot's runtime directory, whoever their parent is.
@@ -136,8 +168,7 @@ impl Robot {
     pub(crate) fn assert_nothing_left(&self) {
         self.await_no_process();
         assert_eq!(self.segments(), [""; 0], "left in {SHARED_MEMORY}");
-        let files: Vec<_> =
-            fs::read_dir(self.runtime()).into_iter().flatten().flatten().collect();
+        let files: Vec<_> = fs::read_dir(self.runtime()).into_iter().flatten().flatten().collect();
         assert!(!self.runtime().exists(), "left in the runtime directory: {files:?}");
     }
 
@@ -163,7 +194,7 @@ impl Drop for Robot {
         let segments = self.segments();
         let is_left = self.runtime().exists();
         self.clean_up();
-        fs::remove_dir_all(&self.directory).unwrap();
+        let _ = fs::remove_dir_all(&self.directory);
         assert_eq!(processes, [""; 0], "outlived the run");
         assert_eq!(segments, [""; 0], "left in {SHARED_MEMORY}");
         assert!(!is_left, "the run left its runtime directory");
@@ -229,28 +260,36 @@ impl Run<'_> {
     }
 
     /// Waits until the run's output contains `text`.
-    pub(crate) fn await_output(&mut self, text: &str) -> &mut Self {
+    pub(crate) fn await_output(mut self, text: &str) -> Self {
         let found = self.watch_until(|run| run.output().contains(text));
         assert!(found, "{} never said '{text}'\n{}", self.command, self.output());
         self
     }
 
     /// Waits until all nodes are active.
-    pub(crate) fn await_active(&mut self) -> &mut Self {
+    pub(crate) fn await_active(self) -> Self {
         // The world is the last to be activated.
         self.await_output("simulator    inactive -> active")
     }
 
     /// Goes on for about this long.
-    pub(crate) fn go_on(&mut self, duration: Duration) -> &mut Self {
+    pub(crate) fn go_on(mut self, duration: Duration) -> Self {
         let ended = wait_until(duration, || self.poll());
         assert!(!ended, "{} ended by itself\n{}", self.command, self.output());
         self
     }
 
-    pub(crate) fn signal(&mut self, signal: Signal) -> &mut Self {
+    pub(crate) fn signal(self, signal: Signal) -> Self {
         self.process().signal(signal);
         self
+    }
+
+    /// Asks it to stop and waits for the end, which is a clean one.
+    #[track_caller]
+    pub(crate) fn stop(self) -> Ended {
+        let ended = self.signal(Signal::INT).wait();
+        ended.assert_code(0).assert_says(&["asked to stop (exit 0)"]);
+        ended
     }
 
     /// Waits for the end.
@@ -377,16 +416,16 @@ impl Ended {
     }
 }
 
-/// Runs `body`, which joins shared memory itself, in a process of its own: the transport's namespace
-/// is a process's, for good. `body` is a closure of the test that calls this, by which the test is
-/// found again.
-pub(crate) fn alone<F: FnOnce(&Namespace)>(body: F) {
-    if std::env::var_os(ALONE).is_some() {
-        let namespace = Namespace::new("burger").unwrap();
-        body(&namespace);
-        let prefix = prefix(namespace.directory()).expect("the body has joined the namespace");
-        assert_eq!(namespace.remove(), [""; 0].map(PathBuf::from));
-        assert_eq!(segments(&prefix), [""; 0], "left in {SHARED_MEMORY}");
+/// Runs `body`, which joins the robot's shared memory itself, in a process of its own: what the
+/// transport takes for its namespace it keeps for the life of a process. `body` is a closure of the
+/// test that calls this, by which that process, another of this same binary, finds it again.
+pub(crate) fn alone<F: FnOnce(&Robot)>(body: F) {
+    if let Some(directory) = std::env::var_os(ALONE) {
+        let robot = Robot { directory: directory.into(), prefixes: RefCell::default() };
+        body(&robot);
+        robot.note_prefixes();
+        robot.namespace().remove();
+        assert!(!robot.prefixes.borrow().is_empty(), "the body has joined nothing");
         return;
     }
     let robot = Robot::new();
@@ -396,7 +435,7 @@ pub(crate) fn alone<F: FnOnce(&Namespace)>(body: F) {
     let child = Command::new(std::env::current_exe().unwrap())
         .args([test, "--exact", "--nocapture"])
         .env("TESEO_RUNTIME_DIR", robot.runtime())
-        .env(ALONE, "yes")
+        .env(ALONE, &robot.directory)
         .output()
         .unwrap();
     let output = [child.stdout, child.stderr].map(|text| String::from_utf8(text).unwrap()).concat();

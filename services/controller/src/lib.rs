@@ -18,7 +18,7 @@ use interfaces::{LaserScan, Odometry, Pose, VelocityCommand};
 
 pub use config::{Algorithm, Config, ConfigError, CorridorConfig, Distances, Pacing, WallConfig};
 
-pub use run::run;
+pub use run::{check, run};
 
 use corridor_following::CorridorFollowing;
 use wall_following::WallFollowing;

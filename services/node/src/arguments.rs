@@ -118,6 +118,12 @@ impl Settings {
         Namespace::new(&self.launch.robot)
     }
 
+    /// The built-in service that this node runs; `None` where it has an executable of its own.
+    pub fn service(&self) -> Option<&str> {
+        let process = self.launch.process(&self.name)?;
+        process.exec.is_empty().then_some(process.name.as_str())
+    }
+
     /// Some of the parameters of the process called `name`, for one who is not that process; `None`
     /// where they cannot be read, which that process will say itself.
     pub fn view<T: Parameters>(&self, name: &str) -> Option<T> {
@@ -161,17 +167,22 @@ pub fn main(service: &'static str, body: impl FnMut(&mut Node<'_>) -> Result) ->
     }
     let matches = Command::command().name(service).get_matches();
     match Command::from_arg_matches(&matches) {
-        Ok(command) => exit_code(service, run(&command.arguments, service, body)),
+        Ok(command) => start(&command.arguments, service, body),
         Err(error) => error.exit(),
     }
 }
 
-/// Runs `body` as the managed node that `arguments` describe.
-pub fn run(
+/// Runs `body` as the managed node that `arguments` describe, and says with the exit code how it
+/// went.
+pub fn start(
     arguments: &Arguments,
     service: &str,
     body: impl FnMut(&mut Node<'_>) -> Result,
-) -> Result {
+) -> ExitCode {
+    exit_code(service, run(arguments, service, body))
+}
+
+fn run(arguments: &Arguments, service: &str, body: impl FnMut(&mut Node<'_>) -> Result) -> Result {
     log::start(arguments.log);
     signal::listen();
     die_with_parent(Signal::KILL);

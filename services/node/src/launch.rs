@@ -102,9 +102,6 @@ impl Default for PairingParameters {
 /// [-] As many processes as one wake-up channel serves with room to spare.
 const PROCESSES_MAX: usize = 24;
 
-/// [ms] Longer than an hour is a mistake in the unit.
-const PAIRING_MS_MAX: f64 = 3_600_000.0;
-
 /// The keys of a launch file that the command line can set.
 const KEYS: [&str; 7] = ["robot", "clock", "seed", "until", "for_s", "wait", "pairing"];
 
@@ -179,34 +176,38 @@ impl Parameters for Launch {
 const RESERVED: [&str; 3] = ["pairing", "supervisor", "wake"];
 
 impl PairingParameters {
-    /// As the pairing core knows it.
-    pub fn policy(&self) -> pairing::Policy {
-        match self.policy {
+    /// As the pairing core knows it, for two topics.
+    pub fn config(&self) -> pairing::Config {
+        let milliseconds =
+            |length: f64| Duration::try_from_secs_f64(length * 1e-3).unwrap_or(Duration::ZERO);
+        let policy = match self.policy {
             Algorithm::Nearest => pairing::Policy::Nearest,
             Algorithm::Adaptive => pairing::Policy::Adaptive {
                 age_penalty: self.age_penalty,
                 period_min: [Duration::ZERO; pairing::TOPICS_MAX],
             },
+        };
+        pairing::Config {
+            policy,
+            topics: 2,
+            queue_size: self.queue_size,
+            slop: milliseconds(self.slop_ms),
+            bounds: pairing::Bounds::Limited {
+                max_age: milliseconds(self.max_age_ms),
+                max_delay: milliseconds(self.max_delay_ms),
+            },
         }
     }
 
     fn check(&self, report: &mut Report<'_>) {
-        if !(1..=1000).contains(&self.queue_size) {
-            report.refuse("queue_size", "is out of range", "give 1 to 1000");
-        }
-        let lengths = [
-            ("slop_ms", self.slop_ms),
-            ("max_age_ms", self.max_age_ms),
-            ("max_delay_ms", self.max_delay_ms),
-        ];
-        for (key, length) in lengths {
-            if !(0.0 < length && length <= PAIRING_MS_MAX) {
-                report.refuse(
-                    key,
-                    "is out of range",
-                    "give milliseconds above zero, up to an hour",
-                );
-            }
-        }
+        let Err(error) = pairing::Pairing::new(&self.config()) else { return };
+        let key = match error {
+            pairing::ConfigError::QueueSize | pairing::ConfigError::Combinations => "queue_size",
+            pairing::ConfigError::AgePenalty => "age_penalty",
+            pairing::ConfigError::MaxAge => "max_age_ms",
+            pairing::ConfigError::MaxDelay => "max_delay_ms",
+            pairing::ConfigError::Slop | pairing::ConfigError::Topics => "slop_ms",
+        };
+        report.refuse(key, error.to_string(), "leave it out for the default");
     }
 }

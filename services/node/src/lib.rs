@@ -40,7 +40,7 @@ pub mod signal;
 mod wake;
 mod window;
 
-pub use arguments::{Arguments, PARENT, Settings, die_with_parent, exit_code, main, run};
+pub use arguments::{Arguments, PARENT, Settings, die_with_parent, exit_code, main, start};
 pub use clock::Clock;
 pub use error::{Error, Result};
 pub use figures::{Gauge, Latency};
@@ -49,4 +49,4 @@ pub use namespace::Namespace;
 pub use port::{Publisher, Sample, Subscriber};
 pub use session::{Held, Session};
 pub use wake::Wait;
-pub use window::Window;
+pub use window::{Lookup, Window};

@@ -58,9 +58,11 @@ pub struct Node<'a> {
     pending: Option<(Transition, Stamp)>,
     activated: bool,
     held: bool,
+    last_turn: bool,
     period: Option<Duration>,
     due: Stamp,
     overruns: Gauge,
+    alarm: Option<Stamp>,
 }
 
 /// A port whose counters and queue the node looks after.
@@ -76,7 +78,7 @@ impl std::fmt::Debug for Counted {
 /// [`Node::tick`]; it is called anew for every `configure`.
 pub fn run_with(settings: &Settings, body: impl FnMut(&mut Node<'_>) -> Result) -> Result {
     let session = Session::join(&settings.namespace()?, settings.name(), settings.epoch())?
-        .with_digests(settings.clock() == Clock::Lockstep);
+        .with_clock(settings.clock());
     let failed = |cause: String| Error::shared_memory("open the wake-up channel", cause);
     let listener = session
         .wake_service(settings.name())?
@@ -113,9 +115,11 @@ impl<'a> Node<'a> {
             pending: None,
             activated: false,
             held: false,
+            last_turn: false,
             period: None,
             due: Stamp::ZERO,
             overruns: Gauge::default(),
+            alarm: None,
         })
     }
 
@@ -182,6 +186,11 @@ impl<'a> Node<'a> {
         self.figures.latency(name)
     }
 
+    /// The next turn comes at `moment`, unless something brings it before.
+    pub fn wake_by(&mut self, moment: Option<Stamp>) {
+        self.alarm = moment;
+    }
+
     /// Says in one line what the node is doing.
     pub fn say(&mut self, text: &str) {
         self.report.text = Text::new(text);
@@ -223,6 +232,11 @@ impl<'a> Node<'a> {
             if let Some((transition, since)) = self.pending
                 && (!self.held || HOLD_MAX < now.since(since))
             {
+                // What has come before is still seen to.
+                if self.state == State::Active && !std::mem::replace(&mut self.last_turn, true) {
+                    return self.turn(now).map(Some);
+                }
+                self.last_turn = false;
                 self.pending = None;
                 self.held = false;
                 if self.obey(transition)? {
@@ -266,14 +280,14 @@ impl<'a> Node<'a> {
         if self.state != State::Active {
             return Waiter { mode: Wait::Block, ..self.waiter }.wait(WAIT_MAX);
         }
-        let until_due = if self.period.is_some() { self.due.since(now) } else { WAIT_MAX };
+        let moments = [self.period.map(|_| self.due), self.alarm, Some(now.after(WAIT_MAX))];
+        let until_due = moments.into_iter().flatten().min().map_or(WAIT_MAX, |due| due.since(now));
         if self.waiter.mode == Wait::Block && until_due < TIMEOUT_MIN {
             clock::nap(until_due);
             return Ok(());
         }
         // Whole milliseconds, rounded down: the rest is napped away just before the period ends.
-        let whole = Duration::from_millis(u64::try_from(until_due.as_millis()).unwrap_or(u64::MAX));
-        self.waiter.wait(whole.min(WAIT_MAX))
+        self.waiter.wait(Duration::from_millis(u64::try_from(until_due.as_millis()).unwrap_or(0)))
     }
 
     /// Calls `body` for each `configure`, until the node is shut down.
@@ -281,16 +295,15 @@ impl<'a> Node<'a> {
         self.change(State::Unconfigured, "")?;
         while self.await_configure()? {
             self.change(State::Configuring, "")?;
-            let outcome = body(self);
+            if let Err(error) = body(self) {
+                return self.fail(error);
+            }
             self.ports.clear();
             self.figures.clear();
-            match outcome {
-                Err(error) => return self.fail(error),
-                Ok(()) if self.state == State::CleaningUp => {
-                    self.change(State::Unconfigured, "")?;
-                }
-                Ok(()) => break,
+            if self.state != State::CleaningUp {
+                break;
             }
+            self.change(State::Unconfigured, "")?;
         }
         if self.state != State::ShuttingDown {
             self.change(State::ShuttingDown, "")?;

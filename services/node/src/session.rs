@@ -3,6 +3,7 @@
 use std::rc::Rc;
 use std::time::Duration;
 
+use iceoryx2::port::{BackpressureAction, BackpressureInfo};
 use iceoryx2::prelude::{
     BackpressureStrategy, NodeBuilder, NodeName, PortName, ServiceName, SignalHandlingMode, ipc,
 };
@@ -11,11 +12,11 @@ use iceoryx2::service::builder::publish_subscribe::{
     PublishSubscribeOpenError, PublishSubscribeOpenOrCreateError,
 };
 use iceoryx2::service::port_factory;
-use interfaces::{Loss, Message, Topic};
+use interfaces::{Loss, Message, Scope, Topic};
 
 use crate::port::{Publisher, Subscriber};
 use crate::wake::Wakers;
-use crate::{Error, Namespace, Result, clock};
+use crate::{Clock, Error, Namespace, Result, clock, signal};
 
 pub(crate) type Service<T> = port_factory::publish_subscribe::PortFactory<ipc::Service, T, ()>;
 pub(crate) type WakeService = port_factory::event::PortFactory<ipc::Service>;
@@ -32,6 +33,9 @@ const BORROWED_SPARE: usize = 2;
 /// [-] Attempts to open what another process is just making or clearing away.
 const OPEN_ATTEMPTS: u32 = 100;
 
+/// A reader in lock-step that takes longer than this for one sample hangs.
+const READER_TIMEOUT: Duration = Duration::from_secs(2);
+
 /// Long enough for another process to finish a system call.
 const OPEN_PAUSE: Duration = Duration::from_millis(5);
 
@@ -40,7 +44,7 @@ const OPEN_PAUSE: Duration = Duration::from_millis(5);
 pub struct Session {
     name: String,
     epoch: u32,
-    digests: bool,
+    clock: Clock,
     wakers: Rc<Wakers>,
 }
 
@@ -65,16 +69,16 @@ impl Session {
         Ok(Self {
             name: name.to_owned(),
             epoch,
-            digests: false,
+            clock: Clock::Realtime,
             wakers: Rc::new(Wakers::new(node)),
         })
     }
 
-    /// From now on publishers digest what they send: equal digests are equal runs. It reads every
-    /// byte, so only for runs that can be equal.
+    /// In lock-step no sample is lost: a full queue holds its publisher up until it is read. And
+    /// publishers digest what they send, since only there two runs can be equal.
     #[must_use]
-    pub fn with_digests(self, digests: bool) -> Self {
-        Self { digests, ..self }
+    pub fn with_clock(self, clock: Clock) -> Self {
+        Self { clock, ..self }
     }
 
     /// Its name.
@@ -98,12 +102,20 @@ impl Session {
                     .name(&port_name(&self.name))
                     .max_loaned_samples(1)
                     .backpressure_strategy(BackpressureStrategy::DiscardData)
+                    .set_backpressure_handler(await_reader)
                     .create()
             },
             |_| false,
         )
         .map_err(|_| Error::Taken { topic: name.clone(), publisher: topic.publisher })?;
-        Ok(Publisher::new(name, self.epoch, service, port, Rc::clone(&self.wakers), self.digests))
+        Ok(Publisher::new(
+            name,
+            self.epoch,
+            service,
+            port,
+            Rc::clone(&self.wakers),
+            self.is_lossless(topic),
+        ))
     }
 
     /// A reader of `topic`, of this session's own where each node has one. Every sample wakes it.
@@ -164,7 +176,7 @@ impl Session {
                 .history_size(history)
                 .subscriber_max_buffer_size(topic.depth)
                 .subscriber_max_borrowed_samples(topic.depth + BORROWED_SPARE)
-                .enable_safe_overflow(true)
+                .enable_safe_overflow(!self.is_lossless(topic))
                 .open_or_create()
         };
         retry(open, |cause| !is_incompatible(*cause)).map_err(|cause| {
@@ -177,10 +189,23 @@ impl Session {
         })
     }
 
+    fn is_lossless<T: Message>(&self, topic: &Topic<T>) -> bool {
+        self.clock == Clock::Lockstep && topic.scope == Scope::Robot
+    }
+
     /// The channel on which others wake `owner`.
     pub(crate) fn wake_service(&self, owner: &str) -> Result<WakeService> {
         open_wake_service(self.wakers.node(), owner)
     }
+}
+
+/// A reader's queue is full, and nothing may be lost: give it time, but not for ever.
+fn await_reader(info: &BackpressureInfo) -> BackpressureAction {
+    if READER_TIMEOUT < info.elapsed_time || 0 < signal::stop_requests() {
+        return BackpressureAction::DiscardData;
+    }
+    rustix::thread::sched_yield();
+    BackpressureAction::Retry
 }
 
 /// A topic that is held open without a port.

@@ -34,11 +34,26 @@ impl<T: Message + 'static> Window<T> {
         Ok(())
     }
 
-    /// The sample with this number from this life of the publisher, if it is still there.
-    pub fn find(&self, sequence: u64, epoch: u32) -> Option<&Sample<T>> {
-        self.samples.iter().rev().find(|sample| {
-            let header = sample.header();
-            header.sequence == sequence && header.epoch == epoch
-        })
+    /// The sample with this number from this life of the publisher.
+    pub fn find(&self, sequence: u64, epoch: u32) -> Lookup<'_, T> {
+        let wanted = (epoch, sequence);
+        let place = |sample: &Sample<T>| (sample.header().epoch, sample.header().sequence);
+        match self.samples.iter().rev().find(|sample| place(sample) <= wanted) {
+            Some(sample) if place(sample) == wanted => Lookup::Here(sample),
+            _ if self.samples.back().is_some_and(|newest| wanted < place(newest)) => Lookup::Gone,
+            _ => Lookup::NotYet,
+        }
     }
+}
+
+/// What became of a sample that somebody else has seen.
+#[derive(Debug)]
+pub enum Lookup<'a, T: Message> {
+    /// It is here.
+    Here(&'a Sample<T>),
+    /// It has not come: a publisher serves its readers one after another, and this one is not the
+    /// first.
+    NotYet,
+    /// Newer ones have come, and it has made room for them or was never sent here.
+    Gone,
 }

@@ -9,7 +9,7 @@ mod wheels;
 
 pub use config::{Config, Source};
 pub use poses::PoseOdometry;
-pub use run::run;
+pub use run::{check, run};
 pub use wheels::WheelOdometry;
 
 /// [rad] `angle`, in `-PI..=PI`.

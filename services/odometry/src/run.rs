@@ -2,7 +2,7 @@
 
 use interfaces::Odometry;
 use interfaces::topics::{JOINT_STATES, ODOMETRY, ROBOT_POSE};
-use node::{Gauge, Node, Result};
+use node::{Gauge, Node, Result, Settings};
 
 use crate::{Config, PoseOdometry, Source, WheelOdometry};
 
@@ -13,6 +13,11 @@ pub fn run(node: &mut Node<'_>) -> Result {
         Source::Wheels => from_wheels(node, &config),
         Source::Poses => from_poses(node),
     }
+}
+
+/// Says what is wrong with the parameters, without running anything.
+pub fn check(settings: &Settings) -> Result {
+    settings.parameters::<Config>().map(drop)
 }
 
 fn from_wheels(node: &mut Node<'_>, config: &Config) -> Result {

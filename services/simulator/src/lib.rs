@@ -25,7 +25,7 @@ pub use drive::WheelLimit;
 pub use estimate::PoseError;
 pub use noise::Noise;
 pub use progress::Progress;
-pub use run::run;
+pub use run::{check, run};
 pub use world::{Block, Segment, Start, World, WorldError};
 
 use arc::Arc;

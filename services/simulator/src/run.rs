@@ -6,7 +6,7 @@ use interfaces::topics::{JOINT_STATES, POSE, ROBOT_POSE, SCAN, VELOCITY_COMMAND}
 use interfaces::{JointState, LaserScan, Outcome, Pose, Stamp, VelocityCommand};
 use node::config::{self, Layers, Place};
 use node::launch::Until;
-use node::{Clock, Error, Gauge, Latency, Node, Publisher, Result, Subscriber};
+use node::{Clock, Error, Gauge, Latency, Node, Publisher, Result, Settings, Subscriber};
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
@@ -18,20 +18,30 @@ const COMMAND_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// Runs the simulator as a managed node.
 pub fn run(node: &mut Node<'_>) -> Result {
-    let mut config: Config = node.parameters()?;
-    let world: World = Layers::new().named(&config.world).parse()?;
-    config.seed = node.settings().launch().seed;
-    if node.clock() == Clock::Lockstep && config.faults != Faults::default() {
-        let message = "would stall a robot in lock-step for good";
-        let help = "run it in real time (--clock realtime)";
-        return Err(config::Error::new(Place::Default, "simulator.faults", message, help).into());
-    }
-    let simulator = Simulator::new(&config, &world).map_err(|error| misfit(&config, &error))?;
+    let (config, simulator) = load(node.settings())?;
     let robot = Robot::new(node, simulator, &config)?;
     match node.clock() {
         Clock::Lockstep => lockstep(node, robot),
         Clock::Realtime => realtime(node, robot, Duration::from_secs_f64(config.dt_s)),
     }
+}
+
+/// Says what is wrong with the parameters and the world, without running anything.
+pub fn check(settings: &Settings) -> Result {
+    load(settings).map(drop)
+}
+
+fn load(settings: &Settings) -> Result<(Config, Simulator)> {
+    let mut config: Config = settings.parameters()?;
+    config.seed = settings.launch().seed;
+    if settings.clock() == Clock::Lockstep && config.faults != Faults::default() {
+        let message = "would stall a robot in lock-step for good";
+        let help = "run it in real time (--clock realtime)";
+        return Err(config::Error::new(Place::Default, "simulator.faults", message, help).into());
+    }
+    let world: World = Layers::new().named(&config.world).parse()?;
+    let simulator = Simulator::new(&config, &world).map_err(|error| misfit(&config, &error))?;
+    Ok((config, simulator))
 }
 
 /// The world and the configuration do not fit each other.

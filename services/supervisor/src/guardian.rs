@@ -11,7 +11,8 @@ use node::{Error, Namespace, Result, Settings, clock, signal};
 use rustix::fs::FlockOperation;
 use rustix::process::{Pid, Signal, WaitOptions};
 
-use crate::Options;
+use crate::check::check_all;
+use crate::{Check, Options};
 
 /// Between two looks at the supervisor: short for a person, long for a processor.
 const POLL: Duration = Duration::from_millis(10);
@@ -20,9 +21,10 @@ const POLL: Duration = Duration::from_millis(10);
 const SWEEP_POLL: Duration = Duration::from_millis(1);
 
 /// Runs a robot until it is done or asked to stop; returns the supervisor's exit code.
-pub(crate) fn up(options: &Options) -> Result<u8> {
+pub(crate) fn up(options: &Options, check: Check) -> Result<u8> {
     signal::listen();
     let settings = Settings::of_supervisor(&options.config, &options.sets())?;
+    check_all(&settings, check)?;
     let namespace = settings.namespace()?;
     let lock = Lock::take(&namespace)?;
     namespace.clear();

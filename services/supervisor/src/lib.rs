@@ -6,6 +6,7 @@
 
 #![forbid(unsafe_code)]
 
+mod check;
 mod guardian;
 mod member;
 mod options;
@@ -17,14 +18,20 @@ mod supervise;
 
 use std::process::ExitCode;
 
+pub use check::{CheckOptions, check};
 pub use options::Options;
 pub use pair::{PairOptions, pair};
 
-/// `teseo up`: the guardian, or the supervisor that it has started.
-pub fn main(options: &Options) -> ExitCode {
+/// What knows whether the parameters of one process are right.
+pub type Check = fn(&node::Settings) -> node::Result;
+
+/// `teseo up`: the guardian, or the supervisor that it has started. `check` knows the parameters of
+/// every service, which this crate does not.
+pub fn up(options: &Options, check: Check) -> ExitCode {
     node::log::start(options.log);
     let is_supervisor = std::env::var_os(guardian::ROLE).is_some();
-    let outcome = if is_supervisor { supervise::supervise(options) } else { guardian::up(options) };
+    let outcome =
+        if is_supervisor { supervise::supervise(options) } else { guardian::up(options, check) };
     match outcome {
         Ok(code) => ExitCode::from(code),
         Err(error) => node::exit_code("teseo", Err(error)),

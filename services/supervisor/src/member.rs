@@ -44,6 +44,8 @@ pub(crate) struct Member {
     pub(crate) state: State,
     pub(crate) status: Box<NodeStatus>,
     pub(crate) memory_peak_kib: u64,
+    /// Why it last changed state without being asked to.
+    pub(crate) reason: String,
     life: Life,
     requests: Publisher<ChangeState>,
     events: Subscriber<TransitionEvent>,
@@ -87,6 +89,7 @@ impl Member {
             state: State::Unknown,
             status: Box::default(),
             memory_peak_kib: 0,
+            reason: String::new(),
             life: Life::Thread(None),
             requests: session.publisher_to(&CHANGE_STATE, name)?,
             events: session.subscriber_to(&TRANSITION_EVENT, name)?,
@@ -111,6 +114,9 @@ impl Member {
             let start = State::try_from(event.start_state).unwrap_or(State::Unknown);
             let goal = State::try_from(event.goal_state).unwrap_or(State::Unknown);
             self.state = goal;
+            if !event.reason.is_empty() {
+                self.reason = event.reason.to_string();
+            }
             return Ok(Some(Change { start, goal, reason: event.reason.to_string() }));
         }
         self.reap();
@@ -193,7 +199,10 @@ fn launch(settings: &Settings, name: &str, arguments: &[String]) -> Result<Child
         // Ctrl-C is not for the nodes: they are stopped in order.
         .process_group(0)
         .spawn()
-        .map_err(|cause| Error::File { path: command.get_program().into(), cause })
+        .map_err(|cause| {
+            let program = command.get_program().display();
+            Error::Fault(format!("cannot run {program}: {cause}; is it built, and beside teseo?"))
+        })
 }
 
 fn describe(status: std::process::ExitStatus) -> String {

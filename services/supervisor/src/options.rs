@@ -12,7 +12,7 @@ pub struct Options {
     #[arg(value_name = "CONFIG", default_value = "config/simulation.toml")]
     pub config: PathBuf,
 
-    /// World file, or the name of one beside the launch file (simulator.world)
+    /// World file (simulator.world)
     #[arg(long, value_name = "FILE")]
     pub world: Option<String>,
 
@@ -29,7 +29,7 @@ pub struct Options {
     pub clock: Option<String>,
 
     /// End after this long, of the robot's own time
-    #[arg(long = "for", value_name = "SECONDS")]
+    #[arg(long = "for", value_name = "SECONDS", allow_negative_numbers = true)]
     pub for_s: Option<f64>,
 
     /// End when this is reached: round-trip or goal

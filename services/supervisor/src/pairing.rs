@@ -1,11 +1,8 @@
 //! The pairing loop: scan and odometry in, tickets for those that belong together out.
 
-use std::time::Duration;
-
 use interfaces::topics::{ODOMETRY, SCAN, SENSOR_PAIR};
 use interfaces::{Header, SensorPair, Stamp};
-use node::launch::PairingParameters;
-use node::pairing::{Bounds, Config, Entry, Outcome, Pairing, Reason};
+use node::pairing::{Entry, Outcome, Pairing, Reason};
 use node::{Clock, Error, Gauge, Node, Publisher, Result};
 
 const SCANS: usize = 0;
@@ -14,7 +11,7 @@ const ODOMETRIES: usize = 1;
 /// Runs the pairing as a managed node: it has a loop of its own, so that starting or reaping a
 /// process never delays a pair.
 pub(crate) fn run(node: &mut Node<'_>) -> Result {
-    let config = config(&node.settings().launch().pairing);
+    let config = node.settings().launch().pairing.config();
     let mut pairing =
         Pairing::new(&config).map_err(|cause| Error::Fault(format!("cannot pair: {cause}")))?;
     let mut scans = node.subscribe(&SCAN)?;
@@ -22,34 +19,38 @@ pub(crate) fn run(node: &mut Node<'_>) -> Result {
     let mut tickets = node.publish(&SENSOR_PAIR)?;
     let books = Books::new(node);
     let clock = node.clock();
+    let mut lives = Lives::default();
     while let Some(tick) = node.tick()? {
         while let Some(scan) = scans.receive()? {
             let entry = entry(clock, tick.now, &scan.header);
+            lives.notice(SCANS, entry.epoch, &mut pairing);
             send(&mut tickets, &pairing.push(SCANS, entry), entry.received)?;
         }
         while let Some(odometry) = odometry.receive()? {
             let entry = entry(clock, tick.now, &odometry.header);
+            lives.notice(ODOMETRIES, entry.epoch, &mut pairing);
             send(&mut tickets, &pairing.push(ODOMETRIES, entry), entry.received)?;
         }
         if clock == Clock::Realtime {
             send(&mut tickets, &pairing.poll(tick.now), tick.now)?;
+            node.wake_by(pairing.next_deadline());
         }
         books.set(&pairing);
     }
     Ok(())
 }
 
-fn config(parameters: &PairingParameters) -> Config {
-    let milliseconds = |length: f64| Duration::from_secs_f64(length * 1e-3);
-    Config {
-        policy: parameters.policy(),
-        topics: 2,
-        queue_size: parameters.queue_size,
-        slop: milliseconds(parameters.slop_ms),
-        bounds: Bounds::Limited {
-            max_age: milliseconds(parameters.max_age_ms),
-            max_delay: milliseconds(parameters.max_delay_ms),
-        },
+/// Which life of each publisher the samples are from.
+#[derive(Default)]
+struct Lives([u32; 2]);
+
+impl Lives {
+    /// What a publisher's former life measured belongs to nothing that its new one does.
+    fn notice(&mut self, topic: usize, epoch: u32, pairing: &mut Pairing) {
+        let before = std::mem::replace(&mut self.0[topic], epoch);
+        if before != 0 && before != epoch {
+            pairing.reset();
+        }
     }
 }
 

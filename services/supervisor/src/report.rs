@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use node::config::{FileName, Parameters};
@@ -131,18 +131,30 @@ impl Report {
             ("clock", json!(clock)),
             ("seed", json!(launch.seed)),
         ];
+        let topics = topics(members);
+        let (mut cause, mut code) = (ending.cause(), ending.code());
+        // In lock-step nothing may be lost, and no run may say that it went well where something was.
+        if code == 0 && launch.clock == Clock::Lockstep && !topics.values().all(Topic::is_closed) {
+            cause.push_str("; but the counters do not close");
+            code = 1;
+        }
         Self {
             run,
-            topics: topics(members),
+            topics,
             nodes: members.iter().map(figures).collect(),
             memory_peak_kib: members
                 .iter()
                 .map(|member| (member.name.clone(), member.memory_peak_kib))
                 .collect(),
             wall,
-            cause: ending.cause(),
-            code: ending.code(),
+            cause,
+            code,
         }
+    }
+
+    /// [-] The exit code of the run.
+    pub(crate) fn code(&self) -> u8 {
+        self.code
     }
 
     /// Over every sample of every topic, in order; equal digests are equal runs. None in real time,
@@ -174,6 +186,17 @@ impl Report {
     fn json(&self) -> Value {
         let mut report: Map<_, _> =
             self.run.iter().map(|(key, value)| ((*key).to_owned(), value.clone())).collect();
+        for key in
+            ["simulated_s", "distance_m", "clearance_min_m", "collisions", "cells", "cells_out"]
+        {
+            report.insert(key.into(), json!(self.figure(key)));
+        }
+        let age = |name: &str| json!(self.figure(&format!("scan_to_command_{name}_us")));
+        let age = json!({ "p50": age("p50"), "p99": age("p99"), "max": age("max") });
+        report.insert("scan_to_command_us".into(), age);
+        let commands = self.topics.get("cmd_vel").map(|topic| topic.sent);
+        report.insert("commands".into(), json!(commands));
+        report.insert("pairs".into(), json!(self.figure("pairs")));
         report.insert("wall_s".into(), json!(self.wall.as_secs_f64()));
         report.insert("real_time_factor".into(), json!(self.real_time_factor()));
         report.insert("exit".into(), json!({ "code": self.code, "cause": self.cause }));
@@ -292,10 +315,22 @@ impl Report {
     pub(crate) fn write(&self, path: &Path) -> Result {
         let failed = |cause| Error::File { path: path.to_owned(), cause };
         let text = format!("{:#}\n", self.json());
-        let fresh = path.with_extension(format!("{}.new", std::process::id()));
+        let fresh = fresh(path);
         std::fs::write(&fresh, text).map_err(failed)?;
         std::fs::rename(&fresh, path).map_err(failed)
     }
+}
+
+/// Finds out before the run whether its report can be written after it.
+pub(crate) fn check_writable(path: &Path) -> Result {
+    let fresh = fresh(path);
+    let tried = std::fs::write(&fresh, "").and_then(|()| std::fs::remove_file(&fresh));
+    tried.map_err(|cause| Error::File { path: path.to_owned(), cause })
+}
+
+/// A name beside `path` that nobody else uses: what is half-written never bears the real name.
+fn fresh(path: &Path) -> PathBuf {
+    path.with_extension(format!("{}.new", std::process::id()))
 }
 
 fn topics(members: &[Member]) -> BTreeMap<String, Topic> {
@@ -358,6 +393,7 @@ fn figure_text(key: &str, value: f64) -> String {
         Some((name, unit)) if UNITS.contains(&unit) => (name, unit),
         _ => (key, ""),
     };
+    let name = name.trim_start_matches("scan_to_command_");
     let digits = if unit.is_empty() || unit == "us" { 0 } else { 3 };
     format!("{} {value:.digits$} {unit}", name.replace('_', " ")).trim_end().to_owned()
 }

@@ -10,7 +10,7 @@ use node::{Error, Held, Result, Session, Settings, clock, signal};
 use rustix::process::Signal;
 
 use crate::member::Member;
-use crate::report::Report;
+use crate::report::{self, Report};
 use crate::screen::{self, Screen};
 use crate::{Options, pairing};
 
@@ -100,6 +100,7 @@ pub(crate) fn supervise(options: &Options) -> Result<u8> {
     signal::listen();
     node::die_with_parent(Signal::TERM);
     let settings = Settings::of_supervisor(&options.config, &options.sets())?;
+    options.report.as_deref().map_or(Ok(()), report::check_writable)?;
     let mut supervisor = Supervisor::new(&settings)?;
     let ending = match supervisor.bring_up(options) {
         Ok(()) => supervisor.watch(),
@@ -109,11 +110,15 @@ pub(crate) fn supervise(options: &Options) -> Result<u8> {
     let wall = supervisor.wall();
     supervisor.screen.clear();
     let report = Report::new(&settings, options, &supervisor.members, wall, &ending);
-    screen::report(&report.text());
+    if supervisor.activated.is_some() {
+        screen::report(&report.text());
+    } else {
+        screen::report(&format!("{}\n", ending.cause()));
+    }
     if let Some(path) = &options.report {
         report.write(path)?;
     }
-    Ok(ending.code())
+    Ok(report.code())
 }
 
 struct Supervisor<'a> {
@@ -129,7 +134,8 @@ struct Supervisor<'a> {
 
 impl<'a> Supervisor<'a> {
     fn new(settings: &'a Settings) -> Result<Self> {
-        let session = Session::join(&settings.namespace()?, settings.name(), settings.epoch())?;
+        let session = Session::join(&settings.namespace()?, settings.name(), settings.epoch())?
+            .with_clock(settings.clock());
         let own = settings.name();
         let topics = vec![
             session.hold(&JOINT_STATES, own)?,
@@ -232,7 +238,10 @@ impl<'a> Supervisor<'a> {
             }
             for member in &self.members {
                 if let Some(ended) = member.ended() {
-                    return Ending::Died { name: member.name.clone(), what: ended.what.clone() };
+                    let reason = &member.reason;
+                    let colon = if reason.is_empty() { "" } else { ": " };
+                    let what = format!("{}{colon}{reason}", ended.what);
+                    return Ending::Died { name: member.name.clone(), what };
                 }
                 match Outcome::try_from(member.status.outcome).unwrap_or(Outcome::Working) {
                     Outcome::Working => {}

@@ -158,3 +158,19 @@ impl fmt::Display for ConfigError {
 }
 
 impl std::error::Error for ConfigError {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn seconds_are_cut_off_and_not_rounded() {
+        let cases = [(1.001, 1_000_999_999), (0.05, 50_000_000), (4e-9, 4), (0.0, 0), (1e-10, 0)];
+        for (seconds, nanoseconds) in cases {
+            assert_eq!(slop_from_seconds(seconds), Ok(Duration::from_nanos(nanoseconds)));
+        }
+        for seconds in [f64::NAN, f64::INFINITY, -0.1, 1e10] {
+            assert_eq!(slop_from_seconds(seconds), Err(ConfigError::Slop));
+        }
+    }
+}

@@ -148,6 +148,13 @@ impl fmt::Display for OfflineError {
             Self::Empty => {
                 formatter.write_str("there is no stream: expected one JSON object a line")
             }
+            Self::Line { number, problem: StreamError::Json(error) } => {
+                // The parser has seen one line only, and would call it the first.
+                let place = format!(" at line {} column {}", error.line(), error.column());
+                let problem = error.to_string();
+                let problem = problem.strip_suffix(&place).unwrap_or(&problem);
+                write!(formatter, "line {number}, column {}: {problem}", error.column())
+            }
             Self::Line { number, problem } => write!(formatter, "line {number}: {problem}"),
             Self::Write(error) => write!(formatter, "cannot write: {error}"),
         }
@@ -157,13 +164,7 @@ impl fmt::Display for OfflineError {
 impl fmt::Display for StreamError {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Json(error) => {
-                // The parser has seen one line only, and would call it the first.
-                let place = format!(" at line {} column {}", error.line(), error.column());
-                let problem = error.to_string();
-                let problem = problem.strip_suffix(&place).unwrap_or(&problem);
-                write!(formatter, "column {}: {problem}", error.column())
-            }
+            Self::Json(error) => error.fmt(formatter),
             Self::TwiceTopic(topic) => write!(formatter, "topic `{topic}` is listed twice"),
             Self::UnknownTopic { event, topic } => {
                 write!(formatter, "event {event} is on `{topic}`, which is not among the topics")

@@ -3,5 +3,6 @@
 mod allocation;
 mod invariants;
 mod limits;
+mod offline;
 mod parity;
 mod streams;

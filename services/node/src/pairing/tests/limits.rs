@@ -170,6 +170,18 @@ fn a_better_set_does_not_prolong_the_delay() {
 }
 
 #[test]
+fn another_set_takes_the_place_of_one_that_becomes_too_old() {
+    let mut pairing = Pairing::new(&ADAPTIVE).unwrap();
+    expect(&mut pairing, &[(0, A, 110, ""), (30, A, 118, ""), (190, B, 100, "")]);
+
+    let too_old = millis(200).after(Duration::from_nanos(1));
+    assert_eq!(pairing.next_deadline(), Some(too_old));
+    assert_eq!(told(pairing.poll(too_old)), "a110 too_old");
+    assert_eq!(pairing.next_deadline(), Some(millis(220)));
+    assert_eq!(told(pairing.poll(millis(220))), "118+100");
+}
+
+#[test]
 fn without_any_delay_the_best_so_far_goes_out_at_once() {
     let Bounds::Limited { max_age, .. } = LIMITED.bounds else { unreachable!() };
     let bounds = Bounds::Limited { max_age, max_delay: Duration::ZERO };

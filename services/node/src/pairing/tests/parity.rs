@@ -17,6 +17,9 @@ const ADAPTIVE: [&str; 2] = [
     include_str!("../../../../../tests/data/pairing/approximate_time_adaptive_3topic_public.jsonl"),
 ];
 
+/// Both algorithms, up to four topics, and ties and rate bounds that the others do not have.
+const BOTH: &str = include_str!("../../../../../tests/data/pairing/two_to_four_topics.jsonl");
+
 /// Bounds that no vector reaches.
 const HUGE: Bounds =
     Bounds::Limited { max_age: Duration::from_secs(60), max_delay: Duration::from_secs(60) };
@@ -47,7 +50,7 @@ impl Expected {
     }
 }
 
-fn cases(files: [&'static str; 2]) -> impl Iterator<Item = (Stream, Expected)> {
+fn cases<const N: usize>(files: [&'static str; N]) -> impl Iterator<Item = (Stream, Expected)> {
     let lines = files.into_iter().flat_map(str::lines);
     lines.map(|line| (Stream::parse(line).unwrap(), serde_json::from_str(line).unwrap()))
 }
@@ -76,6 +79,17 @@ fn adaptive_does_what_ros_2_does_in_cpp() {
 }
 
 #[test]
+fn four_topics_and_ties_are_as_in_ros_2() {
+    let mut count = 0;
+    for (stream, expected) in cases([BOTH]) {
+        assert_eq!(stream.algorithm() == Algorithm::Nearest, expected.leftover.is_some());
+        expected.assert_is(&replay(&stream, &Options::default()).unwrap());
+        count += 1;
+    }
+    assert_eq!(count, 77);
+}
+
+#[test]
 fn a_slop_in_seconds_is_cut_off_as_python_does() {
     for (mut stream, expected) in cases(NEAREST) {
         stream.slop_ns = None;
@@ -89,7 +103,7 @@ fn limits_that_nothing_reaches_change_nothing() {
     let mut count = 0;
     for (stream, expected) in cases(NEAREST).chain(cases(ADAPTIVE)) {
         let options = Options { bounds: HUGE, ..Options::default() };
-        // Those that ROS 2 may run without any bound are refused.
+        // What ROS 2 runs without a slop is refused.
         let Ok(replay) = replay(&stream, &options) else { continue };
         if is_in_order(&stream) {
             assert_eq!(replay.resets, 0);
