@@ -46,9 +46,7 @@ pub fn start(options: Options) {
         .with_default(options.level)
         // The transport's own errors come back to us as values; each is told once.
         .with_target("iceoryx2_bb_loggers", LevelFilter::OFF);
-    let colours = std::io::IsTerminal::is_terminal(&std::io::stderr())
-        && std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
-    let lines = fmt::layer().with_writer(std::io::stderr).with_ansi(colours).with_target(false);
+    let lines = fmt::layer().with_writer(std::io::stderr).with_target(false);
     let started = match options.format {
         Format::Text => {
             tracing_subscriber::registry().with(lines.compact().with_filter(filter)).try_init()
