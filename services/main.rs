@@ -36,11 +36,9 @@ enum Verb {
 }
 
 fn main() -> ExitCode {
-    let verb = Command::parse().verb.unwrap_or_else(|| {
-        let main_job = ["teseo", "up", "config/simulation.toml", "--until", "round-trip"];
-        Command::parse_from(main_job).verb.unwrap_or_else(|| unreachable!("it is a verb"))
-    });
-    match verb {
+    let main_job = ["teseo", "up", "config/simulation.toml", "--until", "round-trip"];
+    let verb = Command::parse().verb.or_else(|| Command::parse_from(main_job).verb);
+    match verb.unwrap_or_else(|| unreachable!("the main job is a verb")) {
         Verb::Up(options) => supervisor::up(&options, check),
         Verb::Check(options) => supervisor::check(&options, check),
         Verb::Pair(options) => node::exit_code("teseo pair", supervisor::pair(&options)),

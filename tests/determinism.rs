@@ -4,6 +4,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use node::clock;
+use rustix::process::Signal;
 
 use crate::robot::Robot;
 
@@ -48,6 +49,23 @@ fn how_processes_wait_changes_no_byte() {
 
     blocking.assert_code(0).assert_nothing_lost();
     assert_eq!(blocking.digest(), yielding.digest(), "SEED=1\n{}", blocking.story());
+}
+
+#[test]
+fn a_process_that_is_held_up_changes_no_byte() {
+    let robot = Robot::new();
+    let smooth = robot.up(&["--for", "900"]);
+    for node in ["odometry", "controller", "simulator"] {
+        let run = robot.start_up(&["--for", "900"]).await_active();
+        let process = run.node(node);
+        process.signal(Signal::STOP);
+        let run = run.go_on(Duration::from_millis(300));
+        process.signal(Signal::CONT);
+
+        let halting = run.wait();
+        halting.assert_code(0).assert_nothing_lost();
+        assert_eq!(halting.digest(), smooth.digest(), "SEED=1, {node}\n{}", halting.story());
+    }
 }
 
 #[test]

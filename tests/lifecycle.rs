@@ -179,7 +179,7 @@ fn an_executable_that_does_not_exist_ends_the_run_with_its_name() {
     let ended = run_with_stranger(r#"["no_such_program"]"#);
 
     ended.assert_code(NOT_STARTED);
-    ended.assert_says(&["stranger did not come up: no_such_program: No such file or directory"]);
+    ended.assert_says(&["stranger did not come up", "no_such_program: No such file or directory"]);
 }
 
 #[test]

@@ -174,9 +174,13 @@ impl Robot {
 
     /// After a failed test, so that it does not harm the next.
     fn clean_up(&self) {
-        for process in self.processes() {
-            process.signal(Signal::KILL);
-        }
+        wait_until(SURVIVAL_MAX, || {
+            let processes = self.processes();
+            for process in &processes {
+                process.signal(Signal::KILL);
+            }
+            processes.is_empty()
+        });
         for segment in self.segments() {
             let _ = fs::remove_file(Path::new(SHARED_MEMORY).join(segment));
         }
@@ -185,6 +189,7 @@ impl Robot {
 
 impl Drop for Robot {
     fn drop(&mut self) {
+        self.note_prefixes();
         if std::thread::panicking() {
             self.clean_up();
             let _ = fs::remove_dir_all(&self.directory);
@@ -288,7 +293,7 @@ impl Run<'_> {
     #[track_caller]
     pub(crate) fn stop(self) -> Ended {
         let ended = self.signal(Signal::INT).wait();
-        ended.assert_code(0).assert_says(&["asked to stop (exit 0)"]);
+        ended.assert_code(0).assert_says(&["asked to stop"]);
         ended
     }
 
@@ -416,10 +421,14 @@ impl Ended {
     }
 }
 
-/// Runs `body`, which joins the robot's shared memory itself, in a process of its own: what the
-/// transport takes for its namespace it keeps for the life of a process. `body` is a closure of the
-/// test that calls this, by which that process, another of this same binary, finds it again.
+/// Runs `body`, a closure of a test, in a process of its own, so that it may join the robot's shared
+/// memory: what the transport takes for its namespace it keeps for the life of a process.
 pub(crate) fn alone<F: FnOnce(&Robot)>(body: F) {
+    alone_in(test_of(&body), body);
+}
+
+/// The same for a test by name, where `body` is not the test's own closure.
+pub(crate) fn alone_in(test: &str, body: impl FnOnce(&Robot)) {
     if let Some(directory) = std::env::var_os(ALONE) {
         let robot = Robot { directory: directory.into(), prefixes: RefCell::default() };
         body(&robot);
@@ -429,9 +438,7 @@ pub(crate) fn alone<F: FnOnce(&Robot)>(body: F) {
         return;
     }
     let robot = Robot::new();
-    let path = std::any::type_name::<F>();
-    let (_, test) = path.split_once("::").unwrap();
-    let test = test.trim_end_matches("::{{closure}}");
+    // This same binary, which comes here again.
     let child = Command::new(std::env::current_exe().unwrap())
         .args([test, "--exact", "--nocapture"])
         .env("TESEO_RUNTIME_DIR", robot.runtime())
@@ -440,6 +447,12 @@ pub(crate) fn alone<F: FnOnce(&Robot)>(body: F) {
         .unwrap();
     let output = [child.stdout, child.stderr].map(|text| String::from_utf8(text).unwrap()).concat();
     assert!(child.status.success() && output.contains("1 passed"), "{output}");
+}
+
+/// The name of the test that `body` is a closure of.
+pub(crate) fn test_of<F>(_body: &F) -> &'static str {
+    let (_, path) = std::any::type_name::<F>().split_once("::").unwrap();
+    path.trim_end_matches("::{{closure}}")
 }
 
 /// What every name in shared memory of the robot in `directory` begins with, while it runs.

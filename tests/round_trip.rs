@@ -37,7 +37,8 @@ fn the_report_tells_the_screen_what_it_tells_the_file() {
         "(exit 0)",
         "collisions 0",
         "clearance min",
-        "scan to command p50",
+        "scan to wheel",
+        "p99",
         "memory peak",
         "x real time",
     ]);

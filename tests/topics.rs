@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use interfaces::topics::{ODOMETRY, SCAN, STATUS, TRANSITION_EVENT, VELOCITY_COMMAND};
 use interfaces::{LaserScan, Message, Stamp, State};
-use node::{Error, Sample, Session};
+use node::{Clock, Error, Sample, Session, clock};
 use rustix::process::Signal;
 
 use crate::robot::{Robot, alone, wait_until};
@@ -91,6 +91,30 @@ fn what_a_slow_node_misses_is_counted_as_lost() {
 }
 
 #[test]
+fn in_lock_step_one_who_reads_slowly_holds_the_robot_up_and_loses_nothing() {
+    alone(|robot| {
+        let run = robot.start_up(&[]).await_active();
+        let session = Session::join(&robot.namespace(), "slow", 1).unwrap();
+        let session = session.with_clock(Clock::Lockstep);
+        let mut scans = session.subscriber(&SCAN).unwrap();
+        let mut numbers = Vec::new();
+        for _ in 0..5 {
+            // Meanwhile a robot that waits for nobody sends more than any queue holds.
+            clock::nap(Duration::from_millis(100));
+            while let Some(scan) = scans.receive().unwrap() {
+                numbers.push(scan.header.sequence);
+            }
+        }
+        drop(scans);
+
+        let whole: Vec<_> = (numbers[0]..).take(numbers.len()).collect();
+        assert_eq!(numbers, whole, "gaps in the sequence");
+        assert!(SCAN.depth < numbers.len(), "only {} scans came", numbers.len());
+        run.stop();
+    });
+}
+
+#[test]
 fn while_no_commands_come_the_robot_stands() {
     let robot = Robot::new();
     let run = robot.start_up(&["--clock", "realtime"]).await_active();
@@ -110,10 +134,10 @@ fn one_who_comes_late_gets_the_last_status_first_but_no_old_command() {
     alone(|robot| {
         let session = Session::join(&robot.namespace(), "node", 1).unwrap();
         let mut status = session.publisher(&STATUS).unwrap();
-        let mut command = session.publisher(&VELOCITY_COMMAND).unwrap();
+        let mut wheels = session.publisher(&VELOCITY_COMMAND).unwrap();
         let mut say = |state: u8| {
             status.send_with(|status| status.state = state).unwrap();
-            command.send_with(|command| command.linear = f64::from(state)).unwrap();
+            wheels.send_with(|command| command.linear = f64::from(state)).unwrap();
         };
         (1..=3).for_each(&mut say);
         let late = Session::join(&robot.namespace(), "late", 1).unwrap();
@@ -121,8 +145,8 @@ fn one_who_comes_late_gets_the_last_status_first_but_no_old_command() {
         let mut commands = late.subscriber(&VELOCITY_COMMAND).unwrap();
         say(4);
 
-        let states = std::iter::from_fn(|| told.receive().unwrap());
-        assert_eq!(states.map(|status| status.state).collect::<Vec<_>>(), [3, 4]);
+        let heard = std::iter::from_fn(|| told.receive().unwrap());
+        assert_eq!(heard.map(|status| status.state).collect::<Vec<_>>(), [3, 4]);
         let speeds = std::iter::from_fn(|| commands.receive().unwrap());
         let numbers: Vec<_> = speeds.map(|command| command.header.sequence).collect();
         assert_eq!(numbers, [3], "a late joiner acts on no old command");

@@ -29,6 +29,7 @@ impl Format {
 
 /// What is logged, and how.
 #[derive(Debug, Clone, Copy, Args)]
+#[group(skip)]
 pub struct Options {
     /// How log lines are written
     #[arg(long = "log-format", value_name = "FORMAT", default_value = "text")]

@@ -51,6 +51,7 @@ pub struct Node<'a> {
     events: Publisher<TransitionEvent>,
     status: Publisher<NodeStatus>,
     status_due: Stamp,
+    greeting_due: Stamp,
     report: Box<NodeStatus>,
     ports: Vec<Counted>,
     figures: Figures,
@@ -108,6 +109,7 @@ impl<'a> Node<'a> {
             events: session.publisher(&TRANSITION_EVENT)?,
             status: session.publisher(&STATUS)?,
             status_due: Stamp::ZERO,
+            greeting_due: Stamp::ZERO,
             report,
             ports: Vec::new(),
             figures: Figures::default(),
@@ -247,6 +249,7 @@ impl<'a> Node<'a> {
             if self.state == State::Active && (waited || self.activated || self.is_due(now)) {
                 return self.turn(now).map(Some);
             }
+            self.greet(now)?;
             self.wait(now)?;
             waited = true;
         }
@@ -290,6 +293,16 @@ impl<'a> Node<'a> {
         self.waiter.wait(Duration::from_millis(u64::try_from(until_due.as_millis()).unwrap_or(0)))
     }
 
+    /// Tells those who have come late what they have missed, now and then.
+    fn greet(&mut self, now: Stamp) -> Result {
+        if self.greeting_due <= now {
+            self.greeting_due = now.after(STATUS_PERIOD);
+            self.events.greet()?;
+            self.status.greet()?;
+        }
+        Ok(())
+    }
+
     /// Calls `body` for each `configure`, until the node is shut down.
     fn serve(&mut self, mut body: impl FnMut(&mut Self) -> Result) -> Result {
         self.change(State::Unconfigured, "")?;
@@ -319,7 +332,10 @@ impl<'a> Node<'a> {
             match self.pending.take() {
                 Some((Transition::Configure, _)) => return Ok(true),
                 Some((Transition::ShutdownUnconfigured, _)) => return Ok(false),
-                Some(_) | None => self.wait(now)?,
+                Some(_) | None => {
+                    self.greet(now)?;
+                    self.wait(now)?;
+                }
             }
         }
     }

@@ -5,6 +5,7 @@ use std::fmt;
 use std::ops::Deref;
 use std::rc::Rc;
 
+use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::prelude::{CallbackProgression, PortFactory as _, ipc};
 use interfaces::{Message, PortStatus, Text};
 use xxhash_rust::xxh3::Xxh3;
@@ -84,6 +85,12 @@ impl<T: Message> Publisher<T> {
     /// Sends one small sample.
     pub fn send(&mut self, message: T) -> Result<()> {
         self.send_with(|sample| *sample = message)
+    }
+
+    /// Hands the newest sample of a latched topic to whoever has come since the last one was sent:
+    /// nobody else does.
+    pub(crate) fn greet(&self) -> Result {
+        self.port.update_connections().map_err(|cause| self.failed("greet the readers of", cause))
     }
 
     /// How many readers there are.

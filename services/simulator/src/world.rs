@@ -77,9 +77,6 @@ pub struct Start {
 
 impl Parameters for World {
     fn check(&self, report: &mut Report<'_>) {
-        if self.blocks.is_empty() && self.segments.is_empty() {
-            report.refuse("box", WorldError::NoWalls.to_string(), "add a `[[box]]`");
-        }
         let mut refuse = |item: String, verdict: Result<(), WorldError>| {
             if let Err(error) = verdict {
                 report.refuse(format!("{item}.{}", error.key()), error.to_string(), error.help());

@@ -29,7 +29,7 @@ pub fn check(options: &CheckOptions, check: Check) -> ExitCode {
     let outcome = settings.and_then(|settings| {
         check_all(&settings, check)?;
         let count = settings.launch().process.len();
-        let verdict = format!("{}: {count} processes, no error\n", options.config.display());
+        let verdict = format!("{}: {count} processes, no mistake\n", options.config.display());
         // Whoever closed our standard output has the exit code.
         drop(std::io::stdout().write_all(verdict.as_bytes()));
         Ok(())
