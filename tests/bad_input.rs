@@ -272,3 +272,28 @@ fn complaint(ended: &Ended) -> String {
     let last = ended.out.lines().last().unwrap_or_default();
     format!("{}{last}", ended.err)
 }
+
+#[test]
+fn every_launch_file_that_comes_with_the_project_is_right() {
+    let directory = concat!(env!("CARGO_MANIFEST_DIR"), "/config");
+    let entries = std::fs::read_dir(directory).unwrap().map(|entry| entry.unwrap().path());
+    let files: Vec<_> =
+        entries.filter(|path| path.extension().is_some_and(|end| end == "toml")).collect();
+    assert!(4 <= files.len(), "{files:?}");
+
+    let robot = Robot::new();
+    for file in files {
+        let ended = robot.start(&["check", file.to_str().unwrap()]).wait();
+        ended.assert_code(0).assert_says(&["no mistake"]);
+    }
+}
+
+#[test]
+fn check_tells_all_mistakes_of_all_processes_and_runs_nothing() {
+    let robot = Robot::new();
+    let file = robot.launch_file(&[("source = \"wheels\"", "sauce = 1"), ("\"outer\"", "7")]);
+    let ended = robot.start(&["check", &file]).wait();
+
+    ended.assert_code(78).assert_says(&["`source`", "start", "2 errors", &file]);
+    robot.assert_nothing_left();
+}
