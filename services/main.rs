@@ -49,12 +49,12 @@ fn main() -> ExitCode {
     }
 }
 
-/// Checks the parameters of one process of a launch file, if it is one of our services.
-fn check(settings: &Settings) -> node::Result {
-    match settings.service() {
-        Some("simulator") => simulator::check(settings),
-        Some("odometry") => odometry::check(settings),
-        Some("controller") => controller::check(settings),
-        Some(_) | None => Ok(()),
+/// Checks the parameters of one of our services; `None` where there is no such service.
+fn check(settings: &Settings) -> Option<node::Result> {
+    match settings.name() {
+        "simulator" => Some(simulator::check(settings)),
+        "odometry" => Some(odometry::check(settings)),
+        "controller" => Some(controller::check(settings)),
+        _ => None,
     }
 }

@@ -297,3 +297,14 @@ fn check_tells_all_mistakes_of_all_processes_and_runs_nothing() {
     ended.assert_code(78).assert_says(&["`source`", "start", "2 errors", &file]);
     robot.assert_nothing_left();
 }
+
+#[test]
+fn a_service_that_does_not_exist_is_refused_before_anything_runs() {
+    let robot = Robot::new();
+    let file = robot.launch_file(&[("name = \"controller\"", "name = \"contoller\"")]);
+
+    for ended in [robot.start(&["check", &file]).wait(), robot.up(&[&file])] {
+        ended.assert_code(78).assert_says(&["there is no service `contoller`", "launch.toml"]);
+    }
+    robot.assert_nothing_left();
+}

@@ -12,7 +12,7 @@ use iceoryx2::prelude::ZeroCopySend;
 use interfaces::topics::ODOMETRY;
 use interfaces::{Header, Message, Stamp, Topic};
 use node::pairing::{Bounds, Config, Entry, Pairing, Policy};
-use node::{Error, Namespace, Result, Session, clock};
+use node::{Error, Namespace, Result, Session, clock, signal};
 
 use rustix::process::Signal;
 
@@ -84,11 +84,12 @@ const LARGE: Topic<Large> = Topic::new("payload", 4, DEADLINE, "bench");
 
 /// Measures both payloads, each with a sender in a process of its own.
 pub(crate) fn measure(table: &mut String) -> Result {
+    signal::listen();
     let _ = writeln!(table, "\npair by ticket, us                          p50      p99    pairs");
     let figures = receive(Payload::Small, &SMALL)
         .and_then(|small| Ok((small, receive(Payload::Large, &LARGE)?)));
     // Our own node is gone: nobody else has a part in this namespace.
-    Namespace::new(ROBOT)?.remove();
+    Namespace::new(&robot())?.remove();
     let (small, large) = figures?;
     for (name, figures) in [("1 KiB", small), ("1 MiB", large)] {
         for (what, history) in [("found", &figures.found), ("and read", &figures.read)] {
@@ -120,7 +121,7 @@ pub(crate) fn send(payload: Payload) -> Result {
 }
 
 fn send_on<T: Bytes>(topic: &Topic<T>) -> Result {
-    let session = Session::join(&Namespace::new(ROBOT)?, "sender", 1)?;
+    let session = Session::join(&Namespace::new(&robot())?, "sender", 1)?;
     let mut payloads = session.publisher(topic)?;
     let mut odometry = session.publisher(&ODOMETRY)?;
     let begun = clock::now();
@@ -144,12 +145,15 @@ fn send_on<T: Bytes>(topic: &Topic<T>) -> Result {
     Ok(())
 }
 
-/// Nobody drives it.
-const ROBOT: &str = "bench";
+/// Nobody drives it; two measurements at once are two robots.
+fn robot() -> String {
+    let measuring = std::env::var(node::PARENT).unwrap_or_else(|_| std::process::id().to_string());
+    format!("bench-{measuring}")
+}
 
 fn receive<T: Bytes + 'static>(payload: Payload, topic: &Topic<T>) -> Result<Figures> {
     let mut sender = Sender::start(payload)?;
-    let session = Session::join(&Namespace::new(ROBOT)?, "receiver", 1)?;
+    let session = Session::join(&Namespace::new(&robot())?, "receiver", 1)?;
     let mut payloads = session.quiet_subscriber(topic)?;
     let mut odometry = session.quiet_subscriber(&ODOMETRY)?;
     let mut pairing =
@@ -157,7 +161,7 @@ fn receive<T: Bytes + 'static>(payload: Payload, topic: &Topic<T>) -> Result<Fig
     let mut figures = Figures::new()?;
     let mut held = None;
     let mut sum = 0;
-    while !sender.has_ended() {
+    while !sender.has_ended() && signal::stop_requests() == 0 {
         let begun = clock::now();
         if let Some(sample) = payloads.receive()? {
             pairing.push(0, entry(sample.header(), begun));

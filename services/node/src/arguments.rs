@@ -118,12 +118,6 @@ impl Settings {
         Namespace::new(&self.launch.robot)
     }
 
-    /// The built-in service that this node runs; `None` where it has an executable of its own.
-    pub fn service(&self) -> Option<&str> {
-        let process = self.launch.process(&self.name)?;
-        process.exec.is_empty().then_some(process.name.as_str())
-    }
-
     /// Some of the parameters of the process called `name`, for one who is not that process; `None`
     /// where they cannot be read, which that process will say itself.
     pub fn view<T: Parameters>(&self, name: &str) -> Option<T> {

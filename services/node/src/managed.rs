@@ -357,6 +357,8 @@ impl<'a> Node<'a> {
         if self.state == State::Active && transition != Transition::Deactivate {
             self.deactivate()?;
         }
+        // What came while others were still at work is counted, as unread.
+        self.drain()?;
         match transition {
             Transition::Activate => self.activate()?,
             Transition::Deactivate => self.deactivate()?,

@@ -1,11 +1,11 @@
 //! `teseo check`: everything that is wrong with a launch file and what it names, at once.
 
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Args;
-use node::config::Errors;
+use node::config::{self, Errors, Place};
 use node::{Error, Result, Settings};
 
 use crate::Check;
@@ -27,7 +27,7 @@ pub struct CheckOptions {
 pub fn check(options: &CheckOptions, check: Check) -> ExitCode {
     let settings = Settings::of_supervisor(&options.config, &options.sets);
     let outcome = settings.and_then(|settings| {
-        check_all(&settings, check)?;
+        check_all(&options.config, &settings, check)?;
         let count = settings.launch().process.len();
         let verdict = format!("{}: {count} processes, no mistake\n", options.config.display());
         // Whoever closed our standard output has the exit code.
@@ -37,13 +37,19 @@ pub fn check(options: &CheckOptions, check: Check) -> ExitCode {
     node::exit_code("teseo check", outcome)
 }
 
-/// Checks the parameters of every process of the launch file.
-pub(crate) fn check_all(settings: &Settings, check: Check) -> Result {
+/// Checks the parameters of every process of the launch file, which lies at `file`.
+pub(crate) fn check_all(file: &Path, settings: &Settings, check: Check) -> Result {
     let mut errors = Errors::default();
-    for process in &settings.launch().process {
+    for process in settings.launch().process.iter().filter(|process| process.exec.is_empty()) {
         match check(&settings.within(&process.name)) {
-            Err(Error::Config(more)) => errors.extend(more),
-            other => other?,
+            Some(Err(Error::Config(more))) => errors.extend(more),
+            Some(other) => other?,
+            None => {
+                let message = format!("there is no service `{}`", process.name);
+                let help = "name one of ours, or say with `exec` what to run";
+                let place = Place::File(file.to_owned());
+                errors.extend([config::Error::new(place, "process.name", message, help)]);
+            }
         }
     }
     if errors.is_empty() { Ok(()) } else { Err(Error::Config(errors)) }

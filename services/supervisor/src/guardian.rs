@@ -24,7 +24,7 @@ const SWEEP_POLL: Duration = Duration::from_millis(1);
 pub(crate) fn up(options: &Options, check: Check) -> Result<u8> {
     signal::listen();
     let settings = Settings::of_supervisor(&options.config, &options.sets())?;
-    check_all(&settings, check)?;
+    check_all(&options.config, &settings, check)?;
     let namespace = settings.namespace()?;
     let lock = Lock::take(&namespace)?;
     namespace.clear();

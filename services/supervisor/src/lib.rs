@@ -22,8 +22,8 @@ pub use check::{CheckOptions, check};
 pub use options::Options;
 pub use pair::{PairOptions, pair};
 
-/// What knows whether the parameters of one process are right.
-pub type Check = fn(&node::Settings) -> node::Result;
+/// What knows whether the parameters of a service are right; `None` where there is no such service.
+pub type Check = fn(&node::Settings) -> Option<node::Result>;
 
 /// `teseo up`: the guardian, or the supervisor that it has started. `check` knows the parameters of
 /// every service, which this crate does not.

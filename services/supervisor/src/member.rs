@@ -42,6 +42,8 @@ pub(crate) struct Change {
 pub(crate) struct Member {
     pub(crate) name: String,
     pub(crate) state: State,
+    /// The last state in which it could stay.
+    rest: State,
     pub(crate) status: Box<NodeStatus>,
     pub(crate) memory_peak_kib: u64,
     /// Why it last changed state without being asked to.
@@ -87,6 +89,7 @@ impl Member {
         Ok(Self {
             name: name.to_owned(),
             state: State::Unknown,
+            rest: State::Unknown,
             status: Box::default(),
             memory_peak_kib: 0,
             reason: String::new(),
@@ -111,9 +114,12 @@ impl Member {
             *self.status = *status;
         }
         if let Some(event) = self.events.receive()? {
-            let start = State::try_from(event.start_state).unwrap_or(State::Unknown);
+            let start = self.rest;
             let goal = State::try_from(event.goal_state).unwrap_or(State::Unknown);
             self.state = goal;
+            if goal as u8 <= State::Finalized as u8 {
+                self.rest = goal;
+            }
             if !event.reason.is_empty() {
                 self.reason = event.reason.to_string();
             }

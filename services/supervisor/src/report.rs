@@ -172,8 +172,16 @@ impl Report {
         Some(format!("{:016x}", xxhash_rust::xxh3::xxh3_64(&bytes)))
     }
 
+    /// A figure of the run: the world's own comes before that of any other node.
     fn figure(&self, key: &str) -> Option<f64> {
-        self.nodes.iter().find_map(|(_, figures)| figures.get(key)?.as_f64())
+        let mut nodes: Vec<_> = self.nodes.iter().collect();
+        nodes.sort_by_key(|(name, _)| !self.is_world(name));
+        nodes.into_iter().find_map(|(_, figures)| figures.get(key)?.as_f64())
+    }
+
+    /// Whether the node is the simulator, or takes its place.
+    fn is_world(&self, name: &str) -> bool {
+        self.topics.get("scan").is_some_and(|topic| topic.publisher == name)
     }
 
     fn real_time_factor(&self) -> f64 {

@@ -40,9 +40,7 @@ impl Screen {
         self.clear();
         print(&format!(
             "{elapsed:9.3} s  {name:<12} {} -> {}{reason}{}\n",
-            settled(change.start),
-            change.goal,
-            change.reason
+            change.start, change.goal, change.reason
         ));
     }
 
@@ -52,7 +50,7 @@ impl Screen {
             return;
         }
         self.live_due = now.after(LIVE_PERIOD);
-        let value = |key: &str| members.iter().find_map(|member| member.status.value(key));
+        let value = |key: &str| members.iter().rev().find_map(|member| member.status.value(key));
         let steps = value("steps").unwrap_or_default();
         let elapsed = now.since(self.steps.0).as_secs_f64();
         if 0.0 < elapsed {
@@ -86,16 +84,6 @@ impl Screen {
 /// The report at the end.
 pub(crate) fn report(text: &str) {
     print(text);
-}
-
-/// The state of rest that a transition began in.
-fn settled(start: State) -> State {
-    match start {
-        State::Configuring => State::Unconfigured,
-        State::Activating | State::CleaningUp | State::ShuttingDown => State::Inactive,
-        State::Deactivating => State::Active,
-        other => other,
-    }
 }
 
 /// Whoever closed our standard output does not want to know; the robot goes on.
