@@ -19,18 +19,16 @@ struct Command {
 
 #[derive(Subcommand)]
 enum Verb {
-    /// Bring a robot up, run it, and take it down again
-    Up(supervisor::Options),
-    /// Say everything that is wrong with a launch file, without running it
-    Check(supervisor::CheckOptions),
-    /// Replay recorded streams through the pairing: why do my topics not pair?
-    Pair(supervisor::PairOptions),
+    #[command(flatten)]
+    Robot(supervisor::Verb),
     /// Measure the runtime on this machine
     Bench(bench::Options),
     /// The world, the drive and the LiDAR
     Simulator(Arguments),
     /// Wheels or poses in, pose and velocity out
     Odometry(Arguments),
+    /// Scan and odometry in, tickets for those that belong together out
+    Pairing(Arguments),
     /// The wall follower
     Controller(Arguments),
 }
@@ -39,12 +37,11 @@ fn main() -> ExitCode {
     let main_job = ["teseo", "up", "config/simulation.toml", "--until", "round-trip"];
     let verb = Command::parse().verb.or_else(|| Command::parse_from(main_job).verb);
     match verb.unwrap_or_else(|| unreachable!("the main job is a verb")) {
-        Verb::Up(options) => supervisor::up(&options, check),
-        Verb::Check(options) => supervisor::check(&options, check),
-        Verb::Pair(options) => node::exit_code("teseo pair", supervisor::pair(&options)),
+        Verb::Robot(verb) => verb.run(check),
         Verb::Bench(options) => node::exit_code("teseo bench", bench::run(&options)),
         Verb::Simulator(arguments) => node::start(&arguments, "simulator", simulator::run),
         Verb::Odometry(arguments) => node::start(&arguments, "odometry", odometry::run),
+        Verb::Pairing(arguments) => node::start(&arguments, "pairing", supervisor::pairing),
         Verb::Controller(arguments) => node::start(&arguments, "controller", controller::run),
     }
 }

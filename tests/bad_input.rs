@@ -308,3 +308,144 @@ fn a_service_that_does_not_exist_is_refused_before_anything_runs() {
     }
     robot.assert_nothing_left();
 }
+
+/// A launch file in which almost everything is wrong that can be.
+const WRONG: &str = r#"robot = "burger"
+clock = "lockstep"
+
+[[process]]
+name = "odometry"
+after = ["simulater"]
+restart = "on-failure"
+
+[process.parameters]
+sauce = "wheels"
+
+[[process]]
+name = "logger"
+exec = ["no_such_program"]
+requires = ["odometry", "odometri"]
+restart = "on_failure"
+watchdog_ms = 20
+start_timeout_ms = "5s"
+cpu_affinity = [0, 4096]
+
+[process.environment]
+GOOD = "1"
+NOTIFY_SOCKET = "/tmp/socket"
+"#;
+
+#[test]
+fn check_tells_every_mistake_in_what_a_process_says_with_its_place_and_what_mends_it() {
+    let mistakes = [
+        ("\"simulater\"", "`process[0].after[0]`", "there is no process `simulater`", "`logger`"),
+        ("\"on-failure\"", "`process[0].restart`", "cannot be in lock-step", "\"realtime\""),
+        ("sauce", "`process[0].parameters.sauce`", "unknown key", "did you mean `source`?"),
+        ("\"no_such", "`process[1].exec[0]`", "cannot run no_such_program", "into PATH"),
+        ("\"odometri\"", "`process[1].requires[1]`", "there is no process", "`odometry`?"),
+        ("\"on_fail", "`process[1].restart`", "unknown value \"on_failure\"", "`on-failure`?"),
+        ("20", "`process[1].watchdog_ms`", "would bite the innocent", "300 milliseconds"),
+        ("\"5s\"", "`process[1].start_timeout_ms`", "found the string \"5s\"", "whole number"),
+        ("4096", "`process[1].cpu_affinity[1]`", "names no processor", "from 0"),
+        ("\"/tmp/s", "`process[1].environment.NOTIFY_SOCKET`", "supervisor's", "leave it out"),
+    ];
+    let ended = check(WRONG);
+
+    ended.assert_code(CONFIG).assert_says(&[&format!("{} errors", mistakes.len())]);
+    for (written, key, message, help) in mistakes {
+        assert_told(&ended, &[&place(WRONG, written), key, message, help]);
+    }
+}
+
+#[test]
+fn check_tells_a_cycle_as_a_path_where_it_begins() {
+    let text = r#"robot = "burger"
+clock = "realtime"
+
+[[process]]
+name = "last"
+exec = ["true"]
+after = ["a"]
+
+[[process]]
+name = "a"
+exec = ["true"]
+after = ["free"]
+requires = ["b"]
+
+[[process]]
+name = "b"
+exec = ["true"]
+after = ["c"]
+
+[[process]]
+name = "c"
+exec = ["true"]
+after = ["a"]
+
+[[process]]
+name = "free"
+exec = ["true"]
+"#;
+    let ended = check(text);
+
+    ended.assert_code(CONFIG).assert_says(&["1 error"]);
+    let path = "nobody can be first: a -> b -> c -> a";
+    assert_told(&ended, &[&place(text, "\"b\"]"), "`process[1].requires[0]`", path]);
+}
+
+#[test]
+fn check_tells_a_process_that_starts_after_itself() {
+    let text =
+        SIMULATION.replace("name = \"odometry\"", "name = \"odometry\"\nafter = [\"odometry\"]");
+    let ended = check(&text);
+
+    ended.assert_code(CONFIG);
+    assert_told(&ended, &[&place(&text, "\"odometry\"]"), "odometry -> odometry"]);
+}
+
+#[test]
+fn check_tells_nothing_that_only_follows_from_another_mistake() {
+    let text = r#"robot = "burger"
+clock = "realtme"
+
+[[process]]
+name = "odometry"
+restart = "on-failure"
+
+[[process]]
+name = "logger"
+type = "notify"
+exec = "logger"
+"#;
+    let ended = check(text);
+
+    ended.assert_code(CONFIG).assert_says(&["2 errors"]);
+    assert_told(&ended, &[&place(text, "\"realtme\""), "`clock`", "did you mean `realtime`?"]);
+    assert_told(&ended, &["launch.toml:11:8\n", "`process[1].exec`", "expected an array"]);
+}
+
+/// `teseo check` of a launch file of this text.
+fn check(text: &str) -> Ended {
+    let robot = Robot::new();
+    let file = robot.file("launch.toml", text);
+    robot.start(&["check", &file]).wait()
+}
+
+/// Where the first `written` of `text` is, as an error says it.
+#[track_caller]
+fn place(text: &str, written: &str) -> String {
+    let at = text.find(written).unwrap_or_else(|| panic!("'{written}' is not there"));
+    let before = &text[..at];
+    let line_start = before.rfind('\n').map_or(0, |end| end + 1);
+    let line = 1 + before.matches('\n').count();
+    format!("launch.toml:{line}:{}\n", 1 + text[line_start..at].chars().count())
+}
+
+/// One of the errors contains all of `texts`.
+#[track_caller]
+fn assert_told(ended: &Ended, texts: &[&str]) {
+    let is_told = |error: &str| texts.iter().all(|text| error.contains(text));
+    let story = ended.story();
+    assert!(ended.err.split("\n\n").any(is_told), "no error says all of {texts:?}\n{story}");
+}

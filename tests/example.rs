@@ -49,7 +49,7 @@ fn a_user_s_own_node_takes_two_files_and_few_lines() {
 }
 
 /// Beside `teseo`, where `up` looks for it: Cargo builds no other package's binary for a test.
-fn build_trip_meter() {
+pub(crate) fn build_trip_meter() {
     let teseo = Path::new(env!("CARGO_BIN_EXE_teseo"));
     let profile = teseo.parent().unwrap();
     // Of the whole workspace, so that its dependencies are those that are built already.

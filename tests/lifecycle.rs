@@ -16,6 +16,12 @@ const DIED: i32 = 3;
 /// A node has not come up.
 const NOT_STARTED: i32 = 4;
 
+/// A node did not end when it was asked to.
+const HAD_TO_KILL: i32 = 6;
+
+/// A launch file that this machine cannot run.
+const CONFIGURATION: i32 = 78;
+
 /// As a shell says it: killed by signal 9.
 const KILLED: i32 = 128 + 9;
 
@@ -116,7 +122,7 @@ fn a_node_that_hangs_is_ended_all_the_same() {
     let run = active(&robot, &["--clock", "realtime"]);
     run.node("controller").signal(Signal::STOP);
 
-    run.stop();
+    run.signal(Signal::INT).wait().assert_code(HAD_TO_KILL);
     robot.assert_nothing_left();
 }
 
@@ -127,7 +133,7 @@ fn a_second_signal_to_stop_does_not_wait_for_a_node_that_hangs() {
     run.node("controller").signal(Signal::STOP);
     let run = run.signal(Signal::INT).await_output("simulator    active -> inactive");
 
-    run.signal(Signal::INT).wait().assert_code(KILLED);
+    run.signal(Signal::INT).wait().assert_code(HAD_TO_KILL);
     robot.assert_nothing_left();
 }
 
@@ -178,8 +184,8 @@ fn when_all_are_killed_at_once_the_next_run_cleans_up() {
 fn an_executable_that_does_not_exist_ends_the_run_with_its_name() {
     let ended = run_with_stranger(r#"["no_such_program"]"#);
 
-    ended.assert_code(NOT_STARTED);
-    ended.assert_says(&["stranger did not come up", "no_such_program: No such file or directory"]);
+    ended.assert_code(CONFIGURATION);
+    ended.assert_says(&["process[3].exec[0]", "cannot run no_such_program"]);
 }
 
 #[test]
@@ -193,7 +199,9 @@ fn an_executable_that_ends_at_once_ends_the_run_with_its_name_and_code() {
 fn an_executable_that_never_speaks_is_given_up_and_ended() {
     let ended = run_with_stranger(r#"["/bin/sh", "-c", "exec sleep 300"]"#);
 
-    ended.assert_code(NOT_STARTED).assert_says(&["stranger did not come up: still unknown after"]);
+    ended
+        .assert_code(NOT_STARTED)
+        .assert_says(&["stranger did not come up: was not unconfigured within 10s"]);
 }
 
 #[test]
@@ -203,7 +211,8 @@ fn an_executable_that_heeds_no_signal_is_killed_in_the_end() {
     let launch_file = robot.launch_file_with("stranger", stubborn);
     let run = robot.start_up(&[&launch_file]);
 
-    run.await_output("simulator    unknown -> unconfigured").stop();
+    let run = run.await_output("simulator    unknown -> unconfigured");
+    run.signal(Signal::INT).wait().assert_code(HAD_TO_KILL);
     robot.assert_nothing_left();
 }
 

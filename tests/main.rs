@@ -7,11 +7,17 @@
 #[cfg(test)]
 mod bad_input;
 #[cfg(test)]
+mod chaos;
+#[cfg(test)]
 mod determinism;
+#[cfg(test)]
+mod doctor;
 #[cfg(test)]
 mod example;
 #[cfg(test)]
 mod house_rules;
+#[cfg(test)]
+mod kill_points;
 #[cfg(test)]
 mod lifecycle;
 #[cfg(test)]
@@ -25,6 +31,10 @@ mod robot;
 #[cfg(test)]
 mod round_trip;
 #[cfg(test)]
+mod supervision;
+#[cfg(test)]
 mod tickets;
 #[cfg(test)]
 mod topics;
+#[cfg(test)]
+mod units;

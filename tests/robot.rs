@@ -61,10 +61,15 @@ impl Robot {
 
     /// A launch file of the test's own: config/simulation.toml, each `(old, new)` of `changes` made.
     pub(crate) fn launch_file(&self, changes: &[(&str, &str)]) -> String {
+        self.launch_file_from(SIMULATION, changes)
+    }
+
+    /// The same of another launch file of config/.
+    pub(crate) fn launch_file_from(&self, original: &str, changes: &[(&str, &str)]) -> String {
         let directory = concat!(env!("CARGO_MANIFEST_DIR"), "/config/");
-        let mut text = SIMULATION.to_owned();
+        let mut text = original.to_owned();
         for (old, new) in changes {
-            assert!(text.contains(old), "config/simulation.toml has no '{old}'");
+            assert!(text.contains(old), "the launch file has no '{old}'");
             text = text.replace(old, new);
         }
         // Names of files are relative to the launch file, which lies elsewhere now.
@@ -269,6 +274,33 @@ impl Run<'_> {
         let found = self.watch_until(|run| run.output().contains(text));
         assert!(found, "{} never said '{text}'\n{}", self.command, self.output());
         self
+    }
+
+    /// Waits until the run's output contains `text` so many times.
+    pub(crate) fn await_count(mut self, text: &str, count: usize) -> Self {
+        let found = self.watch_until(|run| count <= run.output().matches(text).count());
+        let enough = count <= self.output().matches(text).count();
+        assert!(
+            found && enough,
+            "{} has not said '{text}' {count} times\n{}",
+            self.command,
+            self.output()
+        );
+        self
+    }
+
+    /// The supervisor's child whose command line contains `text`.
+    pub(crate) fn child_running(&self, text: &str) -> Process {
+        let is_it = |child: &Process| child.command().join(" ").contains(text);
+        let child = self.supervisor().children().into_iter().find(is_it);
+        child.unwrap_or_else(|| panic!("nobody runs '{text}'\n{}", self.output()))
+    }
+
+    /// Waits until the run has ended, or `is_enough` holds.
+    pub(crate) fn wait_or(mut self, is_enough: impl Fn(&Self) -> bool) -> Result<Ended, Self> {
+        let found = self.watch_until(&is_enough);
+        assert!(found, "{} neither ended nor came so far\n{}", self.command, self.output());
+        if self.has_ended { Ok(self.wait()) } else { Err(self) }
     }
 
     /// Waits until all nodes are active.

@@ -121,7 +121,9 @@ fn while_no_commands_come_the_robot_stands() {
     let controller = run.node("controller");
     let run = run.go_on(Duration::from_millis(300));
     controller.signal(Signal::STOP);
-    let ended = run.go_on(Duration::from_secs(4)).stop();
+    let run = run.go_on(Duration::from_secs(4));
+    controller.signal(Signal::CONT);
+    let ended = run.stop();
 
     // It drives 0.15 m/s, but not for at least half of the time in which nobody told it to.
     let distance = ended.figure("simulator", "distance_m");

@@ -36,6 +36,20 @@ pub enum State {
 }
 
 impl State {
+    /// Whether a node can stay in it (ROS 2's primary states), and is not on its way to another.
+    pub const fn is_primary(self) -> bool {
+        match self {
+            Self::Unconfigured | Self::Inactive | Self::Active | Self::Finalized => true,
+            Self::Unknown
+            | Self::Configuring
+            | Self::CleaningUp
+            | Self::ShuttingDown
+            | Self::Activating
+            | Self::Deactivating
+            | Self::ErrorProcessing => false,
+        }
+    }
+
     /// ROS 2's word for it.
     pub const fn label(self) -> &'static str {
         match self {

@@ -5,11 +5,12 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Args, CommandFactory, FromArgMatches, Parser};
+use interfaces::Stamp;
 use rustix::process::{Pid, Signal};
 
 use crate::config::{Errors, Parameters, Setting};
 use crate::launch::Launch;
-use crate::{Clock, Error, Namespace, Node, Result, Wait, log, managed, signal};
+use crate::{Clock, Error, Namespace, Node, Notifier, Result, Wait, clock, log, managed, signal};
 
 /// The environment variable that names the process without which this one must not live.
 pub const PARENT: &str = "TESEO_PARENT";
@@ -34,8 +35,8 @@ pub struct Arguments {
     pub autostart: bool,
 
     /// Which life of this process it is
-    #[arg(long, value_name = "NUMBER", default_value_t = 1, hide = true)]
-    pub epoch: u32,
+    #[arg(long, value_name = "NUMBER", hide = true)]
+    pub epoch: Option<u32>,
 
     #[command(flatten)]
     #[allow(missing_docs, reason = "the flattened options document themselves")]
@@ -49,6 +50,8 @@ pub struct Settings {
     epoch: u32,
     autostart: bool,
     heeds_signals: bool,
+    /// Where it tells how it is, if not where the environment says.
+    notify: Option<PathBuf>,
     launch: Launch,
     sets: Vec<Setting>,
 }
@@ -56,13 +59,17 @@ pub struct Settings {
 impl Settings {
     /// From a node's command line; `service` is its name where that says nothing else.
     pub fn of_node(arguments: &Arguments, service: &str) -> Result<Self> {
-        let sets = parse(&arguments.sets)?;
+        let (sets, errors) = parse(&arguments.sets);
+        if !errors.is_empty() {
+            return Err(Error::Config(errors));
+        }
         let launch = Launch::read(&arguments.config, &sets)?;
         Ok(Self {
             name: arguments.name.clone().unwrap_or_else(|| service.to_owned()),
-            epoch: arguments.epoch,
+            epoch: arguments.epoch.unwrap_or_else(|| epoch(arguments.autostart, clock::now())),
             autostart: arguments.autostart,
             heeds_signals: true,
+            notify: None,
             launch,
             sets,
         })
@@ -70,22 +77,45 @@ impl Settings {
 
     /// For a supervisor of the robot in `file`.
     pub fn of_supervisor(file: &Path, sets: &[String]) -> Result<Self> {
-        let sets = parse(sets)?;
-        let launch = Launch::read(file, &sets)?;
-        Ok(Self {
+        let (settings, errors) = Self::of_supervisor_and_errors(file, sets);
+        match settings {
+            Some(settings) if errors.is_empty() => Ok(settings),
+            _ => Err(Error::Config(errors)),
+        }
+    }
+
+    /// The same with all that is wrong, for one who looks for mistakes further on; `None` where what
+    /// was read says too little for that.
+    pub fn of_supervisor_and_errors(file: &Path, sets: &[String]) -> (Option<Self>, Errors) {
+        let (sets, mut errors) = parse(sets);
+        let mut read = None;
+        let outcome = Launch::read_and(file, &sets, |launch, report| {
+            // What is right for a process depends on the clock.
+            read = (!report.is_mended("clock")).then(|| launch.clone());
+        });
+        errors.extend(outcome.err().into_iter().flatten());
+        let settings = read.map(|launch| Self {
             name: "supervisor".to_owned(),
             epoch: 1,
             autostart: false,
             heeds_signals: true,
+            notify: None,
             launch,
             sets,
-        })
+        });
+        (settings, errors)
     }
 
     /// The same for a node that runs in its supervisor's process, which alone heeds signals.
     #[must_use]
     pub fn within(&self, name: &str) -> Self {
         Self { name: name.to_owned(), heeds_signals: false, ..self.clone() }
+    }
+
+    /// The same for a node in life number `epoch`, that tells how it is at the socket `notify`.
+    #[must_use]
+    pub fn in_life(self, epoch: u32, notify: &Path) -> Self {
+        Self { epoch, notify: Some(notify.to_owned()), ..self }
     }
 
     /// [-] The node's name.
@@ -128,6 +158,10 @@ impl Settings {
         self.autostart
     }
 
+    pub(crate) fn notifier(&self) -> Notifier {
+        self.notify.as_deref().map_or_else(Notifier::from_environment, Notifier::to)
+    }
+
     pub(crate) const fn heeds_signals(&self) -> bool {
         self.heeds_signals
     }
@@ -138,8 +172,16 @@ impl Settings {
     }
 }
 
-/// The command line's settings, or everything that is wrong with them.
-fn parse(sets: &[String]) -> Result<Vec<Setting>> {
+/// Which life it is of a node whose lives nobody counts. One that starts by itself may have had
+/// others before, so its epoch is the time since the machine started, in tenths of a second: larger
+/// in each life, for thirteen years, where no two begin within one tenth.
+fn epoch(autostart: bool, now: Stamp) -> u32 {
+    let tenths = now.since(Stamp::ZERO).as_millis() / 100;
+    if autostart { u32::try_from(tenths).unwrap_or(u32::MAX).max(1) } else { 1 }
+}
+
+/// The command line's settings, and everything that is wrong with them.
+fn parse(sets: &[String]) -> (Vec<Setting>, Errors) {
     let mut errors = Errors::default();
     let mut parsed = Vec::new();
     for set in sets {
@@ -148,7 +190,7 @@ fn parse(sets: &[String]) -> Result<Vec<Setting>> {
             Err(error) => errors.extend([error]),
         }
     }
-    if errors.is_empty() { Ok(parsed) } else { Err(Error::Config(errors)) }
+    (parsed, errors)
 }
 
 /// A node's whole `main`: reads the command line, runs `body` as a managed node, and says with the
@@ -203,5 +245,21 @@ pub fn die_with_parent(signal: Signal) {
     }
     if rustix::process::getppid() != Some(parent) {
         std::process::exit(1);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::*;
+
+    #[test]
+    fn each_life_of_a_node_that_starts_by_itself_has_a_larger_epoch() {
+        let later = |milliseconds| Stamp::ZERO.after(Duration::from_millis(milliseconds));
+
+        assert_eq!(epoch(true, Stamp::ZERO), 1);
+        assert!(epoch(true, later(5_000)) < epoch(true, later(5_100)));
+        assert_eq!(epoch(false, later(5_000)), 1);
     }
 }

@@ -25,6 +25,12 @@ pub fn now() -> Stamp {
     Stamp::from_nanoseconds(seconds * 1_000_000_000 + nanoseconds)
 }
 
+/// What people's clocks say, for what people read; it may jump.
+#[expect(clippy::disallowed_methods, reason = "the one place; nothing but text is made of it")]
+pub fn wall() -> std::time::SystemTime {
+    std::time::SystemTime::now()
+}
+
 /// Sleeps for `duration`, or less where a signal arrives.
 pub fn nap(duration: Duration) {
     let Ok(request) = rustix::time::Timespec::try_from(duration) else { return };

@@ -1,11 +1,16 @@
 //! The launch file: one TOML file is the robot.
 
+mod order;
+mod process;
+
 use std::path::Path;
 use std::time::Duration;
 
 use serde::Deserialize;
 
-use crate::config::{Errors, FileName, Layers, Parameters, Report, Setting, Table};
+pub use process::{Kind, Process, Restart, Strategy};
+
+use crate::config::{Errors, Layers, Parameters, Report, Setting};
 use crate::namespace::check_name;
 use crate::pairing::{self, offline::Algorithm};
 use crate::{Clock, Wait};
@@ -34,7 +39,7 @@ pub struct Launch {
     /// How scan and odometry are paired.
     #[serde(default)]
     pub pairing: PairingParameters,
-    /// The processes, in the order in which they start.
+    /// The processes; where `after` and `requires` say nothing, they start in this order.
     pub process: Vec<Process>,
 }
 
@@ -46,26 +51,6 @@ pub enum Until {
     RoundTrip,
     /// The goal, by a robot that knows where it is.
     Goal,
-}
-
-/// One process of the robot.
-#[derive(Debug, Clone, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Process {
-    /// [-] Its name, and the service it runs where `exec` says nothing else.
-    pub name: String,
-    /// [-] An executable beside this one, or a path, and its arguments; else the service `name`.
-    #[serde(default)]
-    pub exec: Vec<String>,
-    /// How it waits for samples.
-    #[serde(default)]
-    pub wait: Option<Wait>,
-    /// A file of parameters, relative to the launch file.
-    #[serde(default)]
-    pub parameters_file: Option<FileName>,
-    /// Parameters, over those of the file; the process itself knows what they mean.
-    #[serde(default)]
-    pub parameters: Table,
 }
 
 /// How scan and odometry are paired.
@@ -109,8 +94,17 @@ impl Launch {
     /// Reads the launch file at `path`, as changed by the command line's `sets`, or says everything
     /// that is wrong with both.
     pub fn read(path: &Path, sets: &[Setting]) -> Result<Self, Errors> {
+        Self::read_and(path, sets, |_, _| {})
+    }
+
+    /// The same, and what else `check` finds wrong: what only this machine can tell.
+    pub fn read_and(
+        path: &Path,
+        sets: &[Setting],
+        check: impl FnOnce(&Self, &mut Report<'_>),
+    ) -> Result<Self, Errors> {
         let own = sets.iter().filter(|set| KEYS.contains(&set.scope()));
-        let launch: Self = Layers::new().file(path).settings(own).parse()?;
+        let launch: Self = Layers::new().file(path).settings(own).parse_and(check)?;
         let processes = launch.process.iter().map(|process| process.name.as_str());
         let scopes: Vec<_> = KEYS.into_iter().chain(processes).collect();
         let strangers = sets.iter().filter(|set| !scopes.contains(&set.scope()));
@@ -139,6 +133,11 @@ impl Launch {
         process.and_then(|process| process.wait).or(self.wait).unwrap_or(usual)
     }
 
+    /// The processes in the order in which they start; they stop in reverse.
+    pub fn start_order(&self) -> Vec<&Process> {
+        order::start_order(&self.process).into_iter().map(|index| &self.process[index]).collect()
+    }
+
     /// The process called `name`.
     pub fn process(&self, name: &str) -> Option<&Process> {
         self.process.iter().find(|process| process.name == name)
@@ -156,6 +155,7 @@ impl Parameters for Launch {
         if self.process.is_empty() || PROCESSES_MAX < self.process.len() {
             report.refuse("process", "is no robot", "name 1 to 24 processes");
         }
+        let is_lockstep = self.clock == Clock::Lockstep && !report.is_mended("clock");
         for (index, process) in self.process.iter().enumerate() {
             let key = format!("process[{index}].name");
             if check_name(&process.name).is_err() {
@@ -167,7 +167,14 @@ impl Parameters for Launch {
             if self.process[..index].iter().any(|other| other.name == process.name) {
                 report.refuse(&key, "is the name of two processes", "give each its own");
             }
+            if is_lockstep && process.restart != Restart::Never {
+                let key = format!("process[{index}].restart");
+                let help = "leave it out, or run in real time (clock = \"realtime\")";
+                report.refuse(&key, "cannot be in lock-step: what was under way is lost", help);
+            }
+            process.check(&mut report.within(format!("process[{index}]")));
         }
+        order::check(&self.process, report);
         self.pairing.check(&mut report.within("pairing"));
     }
 }

@@ -14,8 +14,8 @@ use crate::figures::Figures;
 use crate::port::Port;
 use crate::wake::Waiter;
 use crate::{
-    Clock, Error, Gauge, Latency, Publisher, Result, Session, Settings, Subscriber, Wait, clock,
-    signal,
+    Clock, Error, Gauge, Latency, Notifier, Publisher, Result, Session, Settings, Subscriber, Wait,
+    clock, memory, signal, watchdog_period,
 };
 
 /// However long nothing happens, every wait ends: a lost wake-up costs no more than this.
@@ -64,6 +64,17 @@ pub struct Node<'a> {
     due: Stamp,
     overruns: Gauge,
     alarm: Option<Stamp>,
+    notifier: Notifier,
+    ping_period: Option<Duration>,
+    ping_due: Stamp,
+    told: Told,
+}
+
+/// What whoever started this node has been told about it, beside its states.
+#[derive(Debug, Default)]
+struct Told {
+    ready: bool,
+    flows: bool,
 }
 
 /// A port whose counters and queue the node looks after.
@@ -122,6 +133,11 @@ impl<'a> Node<'a> {
             due: Stamp::ZERO,
             overruns: Gauge::default(),
             alarm: None,
+            notifier: settings.notifier(),
+            // The watchdog of a node in its supervisor's process is the supervisor's.
+            ping_period: watchdog_period().filter(|_| settings.heeds_signals()),
+            ping_due: Stamp::ZERO,
+            told: Told::default(),
         })
     }
 
@@ -196,6 +212,13 @@ impl<'a> Node<'a> {
     /// Says in one line what the node is doing.
     pub fn say(&mut self, text: &str) {
         self.report.text = Text::new(text);
+        self.notifier.status(text);
+    }
+
+    /// Asks for so much more time, from now, for what the node is doing: for a start that takes
+    /// longer than the launch file says.
+    pub fn extend_timeout(&self, more: Duration) {
+        self.notifier.extend_timeout(more);
     }
 
     /// Says that there is nothing left to do: the run may end, well or ill, because of `why`.
@@ -225,11 +248,13 @@ impl<'a> Node<'a> {
     /// when the node has to let go of everything.
     pub fn tick(&mut self) -> Result<Option<Tick>> {
         if self.state == State::Configuring {
+            memory::lock(self.settings)?;
             self.change(State::Inactive, "")?;
         }
         let mut waited = false;
         loop {
             let now = clock::now();
+            self.ping(now);
             self.take_request(now)?;
             if let Some((transition, since)) = self.pending
                 && (!self.held || HOLD_MAX < now.since(since))
@@ -255,14 +280,29 @@ impl<'a> Node<'a> {
         }
     }
 
+    /// Tells whoever started this node that its loop turns: from here, and from no other thread.
+    fn ping(&mut self, now: Stamp) {
+        if let Some(period) = self.ping_period
+            && self.ping_due <= now
+        {
+            self.ping_due = now.after(period);
+            self.notifier.watchdog();
+        }
+    }
+
     fn turn(&mut self, now: Stamp) -> Result<Tick> {
         let activated = std::mem::take(&mut self.activated);
         let due = self.is_due(now);
         if due && let Some(period) = self.period {
             self.schedule(now, period);
         }
-        if self.status_due <= now {
+        let flows = !self.told.flows && self.ports.iter().all(|port| port.0.has_flowed());
+        if flows || self.status_due <= now {
             self.send_status(now)?;
+        }
+        if flows {
+            self.told.flows = true;
+            self.notifier.hint("FLOWS", "1");
         }
         Ok(Tick { now, activated, due })
     }
@@ -328,6 +368,7 @@ impl<'a> Node<'a> {
     fn await_configure(&mut self) -> Result<bool> {
         loop {
             let now = clock::now();
+            self.ping(now);
             self.take_request(now)?;
             match self.pending.take() {
                 Some((Transition::Configure, _)) => return Ok(true),
@@ -434,7 +475,16 @@ impl<'a> Node<'a> {
         tracing::debug!(%start, %goal, "changed state");
         // The counters first: whoever sees the new state finds them.
         self.send_status(clock::now())?;
-        self.announce(start, reason)
+        self.announce(start, reason)?;
+        self.notifier.hint("LIFECYCLE", goal.label());
+        match goal {
+            State::Active if !std::mem::replace(&mut self.told.ready, true) => {
+                self.notifier.ready();
+            }
+            State::ShuttingDown => self.notifier.stopping(),
+            _ => {}
+        }
+        Ok(())
     }
 
     fn announce(&mut self, start: State, reason: &str) -> Result {

@@ -21,6 +21,9 @@ pub(crate) trait Port {
 
     /// Drops what is queued, and counts it as unread.
     fn drain(&self) -> Result<()>;
+
+    /// Whether a topic that it publishes has carried something.
+    fn has_flowed(&self) -> bool;
 }
 
 /// The one publisher of a topic.
@@ -147,6 +150,10 @@ impl Port for Sent {
     fn drain(&self) -> Result<()> {
         Ok(())
     }
+
+    fn has_flowed(&self) -> bool {
+        0 < self.samples.get()
+    }
 }
 
 /// One reader of a topic.
@@ -254,6 +261,10 @@ impl<T: Message> Port for Received<T> {
             stale: self.stale.get(),
             ..PortStatus::default()
         }
+    }
+
+    fn has_flowed(&self) -> bool {
+        true
     }
 
     fn drain(&self) -> Result<()> {

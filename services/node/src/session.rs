@@ -22,13 +22,13 @@ pub(crate) type Service<T> = port_factory::publish_subscribe::PortFactory<ipc::S
 pub(crate) type WakeService = port_factory::event::PortFactory<ipc::Service>;
 
 /// [-] Readers of one topic: the robot's processes, observers and recorders.
-const SUBSCRIBERS_MAX: usize = 16;
+pub(crate) const SUBSCRIBERS_MAX: usize = 16;
 
 /// [-] Processes that may take part in one topic or channel, the dead ones not yet cleared included.
 const NODES_MAX: usize = 32;
 
 /// [-] Samples that a reader may hold beside its queue: a full queue and the one at hand.
-const BORROWED_SPARE: usize = 2;
+pub(crate) const BORROWED_SPARE: usize = 2;
 
 /// [-] Attempts to open what another process is just making or clearing away.
 const OPEN_ATTEMPTS: u32 = 100;

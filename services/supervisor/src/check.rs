@@ -5,10 +5,11 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Args;
-use node::config::{self, Errors, Place};
+use node::config::Report;
+use node::launch::Launch;
 use node::{Error, Result, Settings};
 
-use crate::Check;
+use crate::{Check, shim};
 
 /// What to check.
 #[derive(Debug, Clone, Args)]
@@ -24,33 +25,56 @@ pub struct CheckOptions {
 }
 
 /// Checks without running anything; exit code 78 where something is wrong.
-pub fn check(options: &CheckOptions, check: Check) -> ExitCode {
-    let settings = Settings::of_supervisor(&options.config, &options.sets);
-    let outcome = settings.and_then(|settings| {
-        check_all(&options.config, &settings, check)?;
+pub(crate) fn check(options: &CheckOptions, check: Check) -> ExitCode {
+    let outcome = check_all(&options.config, &options.sets, check).map(|settings| {
         let count = settings.launch().process.len();
         let verdict = format!("{}: {count} processes, no mistake\n", options.config.display());
         // Whoever closed our standard output has the exit code.
         drop(std::io::stdout().write_all(verdict.as_bytes()));
-        Ok(())
     });
     node::exit_code("teseo check", outcome)
 }
 
-/// Checks the parameters of every process of the launch file, which lies at `file`.
-pub(crate) fn check_all(file: &Path, settings: &Settings, check: Check) -> Result {
-    let mut errors = Errors::default();
+/// Reads the launch file `file` and checks everything it names: the programs, and the parameters of
+/// every process.
+pub(crate) fn check_all(file: &Path, sets: &[String], check: Check) -> Result<Settings> {
+    // One mistake hides no other: what could be read is checked all the same.
+    let (settings, mut errors) = Settings::of_supervisor_and_errors(file, sets);
+    let Some(settings) = settings else { return Err(Error::Config(errors)) };
+    let mut strangers = Vec::new();
     for process in settings.launch().process.iter().filter(|process| process.exec.is_empty()) {
         match check(&settings.within(&process.name)) {
             Some(Err(Error::Config(more))) => errors.extend(more),
             Some(other) => other?,
-            None => {
-                let message = format!("there is no service `{}`", process.name);
-                let help = "name one of ours, or say with `exec` what to run";
-                let place = Place::File(file.to_owned());
-                errors.extend([config::Error::new(place, "process.name", message, help)]);
-            }
+            None => strangers.push(process.name.clone()),
         }
     }
-    if errors.is_empty() { Ok(()) } else { Err(Error::Config(errors)) }
+    let sets: Vec<_> = sets.iter().filter_map(|set| set.parse().ok()).collect();
+    let read = Launch::read_and(file, &sets, |launch, report| {
+        check_programs(launch, &strangers, report);
+    });
+    errors.extend(read.err().into_iter().flatten());
+    if errors.is_empty() { Ok(settings) } else { Err(Error::Config(errors)) }
+}
+
+/// Refuses what this machine cannot run.
+fn check_programs(launch: &Launch, strangers: &[String], report: &mut Report<'_>) {
+    for (index, process) in launch.process.iter().enumerate() {
+        let key = format!("process[{index}]");
+        if strangers.contains(&process.name) && !report.is_mended(format!("{key}.exec")) {
+            let message = format!("there is no service `{}`", process.name);
+            let help = "name one of ours, or say with `exec` what to run";
+            report.refuse(format!("{key}.name"), message, help);
+        }
+        if let Some(program) = process.exec.first()
+            && let Err(why) = shim::find_program(program)
+        {
+            let help = "build it, write its whole path, or put it beside teseo or into PATH";
+            report.refuse(format!("{key}.exec[0]"), why, help);
+        }
+        if process.cpu_scheduling_priority.is_some() && shim::find_program("chrt").is_err() {
+            let help = "install util-linux, or leave it out";
+            report.refuse(format!("{key}.cpu_scheduling_priority"), "needs `chrt`", help);
+        }
+    }
 }

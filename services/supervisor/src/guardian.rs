@@ -2,38 +2,43 @@
 
 use std::fs::{File, OpenOptions};
 use std::io::{Read, Seek, Write};
+use std::os::fd::AsFd;
 use std::os::unix::fs::MetadataExt;
 use std::os::unix::process::CommandExt;
 use std::process::{Child, Command, ExitStatus};
 use std::time::Duration;
 
 use node::{Error, Namespace, Result, Settings, clock, signal};
+use rustix::event::{PollFd, PollFlags, Timespec};
 use rustix::fs::FlockOperation;
-use rustix::process::{Pid, Signal, WaitOptions};
+use rustix::process::{Pid, PidfdFlags, Signal};
 
 use crate::check::check_all;
-use crate::{Check, Options};
+use crate::{Check, Options, detach, shim, sweep};
 
-/// Between two looks at the supervisor: short for a person, long for a processor.
-const POLL: Duration = Duration::from_millis(10);
+/// Somebody may ask for the end in the very moment before this process waits.
+const POLL: Duration = Duration::from_millis(250);
 
-/// What is left of a run is killed again after this long, until nothing is left.
-const SWEEP_POLL: Duration = Duration::from_millis(1);
+/// A robot whose guardian was killed is on its way down: this is how long that may take.
+const WAY_DOWN: Duration = Duration::from_secs(10);
+
+/// Between two attempts to take the lock of a robot on its way down.
+const LOCK_POLL: Duration = Duration::from_millis(5);
 
 /// Runs a robot until it is done or asked to stop; returns the supervisor's exit code.
 pub(crate) fn up(options: &Options, check: Check) -> Result<u8> {
+    detach::leave_terminal();
     signal::listen();
-    let settings = Settings::of_supervisor(&options.config, &options.sets())?;
-    check_all(&options.config, &settings, check)?;
+    let settings = check_all(&options.config, &options.sets(), check)?;
     let namespace = settings.namespace()?;
     let lock = Lock::take(&namespace)?;
+    // Of a run whose guardian and supervisor were killed at once.
+    sweep::strangers(&namespace);
     namespace.clear();
-    let watched = rustix::process::set_child_subreaper(Some(rustix::process::getpid()));
-    if let Err(cause) = watched {
-        tracing::warn!(%cause, "grandchildren that lose their parent will not be found");
-    }
-    let outcome = start().and_then(watch);
-    sweep_processes();
+    check_memory(&settings)?;
+    sweep::inherit_orphans();
+    let outcome = start(&lock).and_then(watch);
+    sweep::children();
     for path in namespace.remove() {
         tracing::warn!(path = %path.display(), "could not be removed");
     }
@@ -41,93 +46,105 @@ pub(crate) fn up(options: &Options, check: Check) -> Result<u8> {
     outcome.map(exit_code)
 }
 
-/// Starts this very command again as the supervisor.
-fn start() -> Result<Child> {
-    let failed = |cause| Error::File { path: "/proc/self/exe".into(), cause };
-    let executable = std::env::current_exe().map_err(failed)?;
-    let arguments = std::env::args_os().skip(1);
+/// What there is no room for in shared memory would kill its process in motion: refused before.
+fn check_memory(settings: &Settings) -> Result {
+    let (need, free) = (Namespace::need(settings.launch()), Namespace::free()?);
+    if need <= free {
+        return Ok(());
+    }
+    settings.namespace()?.remove();
+    let mebibytes = |bytes: u64| bytes as f64 / f64::from(1 << 20);
+    Err(Error::Fault(format!(
+        "/dev/shm has {:.1} MiB free, and the robot needs {:.1} MiB; free some, or enlarge it: \
+         mount -o remount,size=64M /dev/shm",
+        mebibytes(free),
+        mebibytes(need)
+    )))
+}
+
+/// Starts this very command again as the supervisor, which holds the lock with this process: who
+/// finds it free finds nothing of the run alive.
+fn start(lock: &Lock) -> Result<Child> {
+    let executable = shim::own_path();
+    let failed = |cause| Error::File { path: executable.clone(), cause };
+    let lock = lock.0.try_clone().map_err(failed)?;
     Command::new(&executable)
-        .args(arguments)
+        .args(std::env::args_os().skip(1))
+        .stdin(lock)
         .env(node::PARENT, std::process::id().to_string())
         .env(ROLE, "supervisor")
         // Ctrl-C is for the guardian alone, which passes it on in order.
         .process_group(0)
         .spawn()
-        .map_err(|cause| Error::File { path: executable, cause })
+        .map_err(failed)
 }
 
 /// Set for the process that `up` starts: it is the supervisor.
 pub(crate) const ROLE: &str = "TESEO_ROLE";
 
+/// The guardian of this supervisor.
+pub(crate) fn pid() -> u32 {
+    let parent = std::env::var(node::PARENT).ok();
+    parent.and_then(|pid| pid.parse().ok()).unwrap_or_default()
+}
+
+/// [-] Asked so often, the robot goes down without its supervisor.
+const REQUESTS_MAX: u32 = 3;
+
 /// Passes on what people ask for, until the supervisor has ended.
 fn watch(mut supervisor: Child) -> Result<ExitStatus> {
+    let failed = |cause: &dyn std::fmt::Display| {
+        Error::Fault(format!("lost sight of the supervisor: {cause}"))
+    };
+    let pid = i32::try_from(supervisor.id()).ok().and_then(Pid::from_raw);
+    let pid = pid.ok_or_else(|| failed(&"it has no process id"))?;
+    let pidfd =
+        rustix::process::pidfd_open(pid, PidfdFlags::empty()).map_err(|cause| failed(&cause))?;
     let mut passed_on = 0;
     loop {
-        let ended = supervisor
-            .try_wait()
-            .map_err(|cause| Error::Fault(format!("lost sight of the supervisor: {cause}")))?;
-        if let Some(status) = ended {
+        if let Some(status) = supervisor.try_wait().map_err(|cause| failed(&cause))? {
             return Ok(status);
         }
         let requests = signal::stop_requests();
         if passed_on < requests {
-            // Asked a second time: at once.
-            let urgent = if requests == 1 { Signal::TERM } else { Signal::KILL };
-            send(&supervisor, urgent);
+            // The first asks, the second insists, the third is for the guardian itself to see to.
+            let is_last = REQUESTS_MAX <= requests;
+            let signal = if is_last { Signal::KILL } else { Signal::TERM };
+            (passed_on..requests).for_each(|_| send(pid, signal));
             passed_on = requests;
         }
-        clock::nap(POLL);
+        wait(&pidfd);
     }
 }
 
-fn send(child: &Child, signal: Signal) {
-    let pid = i32::try_from(child.id()).ok().and_then(Pid::from_raw);
-    if let Some(pid) = pid
-        && let Err(cause) = rustix::process::kill_process(pid, signal)
-    {
+/// Until the supervisor ends or somebody asks for something.
+fn wait(pidfd: &impl AsFd) {
+    let mut fds = vec![PollFd::new(pidfd, PollFlags::IN)];
+    fds.extend(signal::wake().map(|wake| PollFd::new(wake, PollFlags::IN)));
+    let timeout = Timespec::try_from(POLL).unwrap_or_default();
+    // However it ends, the caller looks.
+    let _ = rustix::event::poll(&mut fds, Some(&timeout));
+    signal::sleep_again();
+}
+
+fn send(pid: Pid, signal: Signal) {
+    if let Err(cause) = rustix::process::kill_process(pid, signal) {
         tracing::debug!(%cause, "the supervisor is gone already");
     }
 }
 
-/// Kills whatever of the run still lives: as a subreaper, every orphan is a child of this process.
-fn sweep_processes() {
-    loop {
-        for pid in children() {
-            if let Err(cause) = rustix::process::kill_process(pid, Signal::KILL) {
-                tracing::debug!(%cause, "gone already");
-            }
-        }
-        match rustix::process::wait(WaitOptions::NOHANG) {
-            Ok(Some(_)) => {}
-            Ok(None) => clock::nap(SWEEP_POLL),
-            Err(_) => return,
-        }
-    }
-}
-
-/// This process's children, by the system's own list.
-fn children() -> Vec<Pid> {
-    let own = std::process::id();
-    let listed = std::fs::read_to_string(format!("/proc/self/task/{own}/children"));
-    let pids = listed.unwrap_or_default();
-    pids.split_whitespace()
-        .filter_map(|pid| pid.parse().ok())
-        .filter(|&pid: &i32| 1 < pid)
-        .filter_map(Pid::from_raw)
-        .collect()
-}
-
-fn exit_code(status: ExitStatus) -> u8 {
+pub(crate) fn exit_code(status: ExitStatus) -> u8 {
     // Killed by a signal: as a shell would say it.
     let killed = std::os::unix::process::ExitStatusExt::signal(&status).map(|signal| 128 + signal);
     status.code().or(killed).and_then(|code| u8::try_from(code).ok()).unwrap_or(1)
 }
 
 /// The right to run a robot, held until dropped; the kernel takes it back from the dead.
-struct Lock(#[expect(dead_code, reason = "held open, and that is its use")] File);
+struct Lock(File);
 
 impl Lock {
     fn take(namespace: &Namespace) -> Result<Self> {
+        let begun = clock::now();
         loop {
             namespace.create_directory()?;
             let path = namespace.lock();
@@ -142,8 +159,15 @@ impl Lock {
             if rustix::fs::flock(&file, FlockOperation::NonBlockingLockExclusive).is_err() {
                 let mut process = String::new();
                 file.read_to_string(&mut process).map_err(failed)?;
+                let process = process.trim();
+                // A dead guardian's supervisor holds it until all is down.
+                let is_on_its_way_down = process.parse().is_ok_and(|pid| !is_alive(pid));
+                if is_on_its_way_down && clock::now().since(begun) < WAY_DOWN {
+                    clock::nap(LOCK_POLL);
+                    continue;
+                }
                 let robot = namespace.robot().to_owned();
-                return Err(Error::Held { robot, process: process.trim().to_owned() });
+                return Err(Error::Held { robot, process: process.to_owned() });
             }
             // The former holder may have removed the file between our opening and locking it.
             let ours = file.metadata().map_err(failed)?.ino();
@@ -155,4 +179,10 @@ impl Lock {
             }
         }
     }
+}
+
+/// Whether the process does anything still: the dead may wait for somebody to take note.
+pub(crate) fn is_alive(pid: u32) -> bool {
+    let status = std::fs::read_to_string(format!("/proc/{pid}/status")).unwrap_or_default();
+    status.lines().any(|line| line.starts_with("State:") && !line.contains('Z'))
 }

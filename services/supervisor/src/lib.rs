@@ -7,31 +7,54 @@
 #![forbid(unsafe_code)]
 
 mod check;
+mod control;
+mod desk;
+mod detach;
+mod doctor;
+mod flow;
 mod guardian;
+mod history;
+mod launcher;
+mod log_book;
+mod machine;
 mod member;
+mod notify;
 mod options;
+mod outlet;
 mod pair;
 mod pairing;
+mod plan;
 mod report;
 mod screen;
+mod shim;
+mod status;
 mod supervise;
+mod sweep;
+mod units;
+mod verb;
+mod verbs;
+mod verdict;
 
 use std::process::ExitCode;
 
-pub use check::{CheckOptions, check};
 pub use options::Options;
-pub use pair::{PairOptions, pair};
+pub use pairing::run as pairing;
+pub use verb::Verb;
 
 /// What knows whether the parameters of a service are right; `None` where there is no such service.
 pub type Check = fn(&node::Settings) -> Option<node::Result>;
 
-/// `teseo up`: the guardian, or the supervisor that it has started. `check` knows the parameters of
-/// every service, which this crate does not.
-pub fn up(options: &Options, check: Check) -> ExitCode {
+/// `teseo up`: the guardian, or the supervisor that it has started.
+fn up(options: &Options, check: Check) -> ExitCode {
     node::log::start(options.log);
     let is_supervisor = std::env::var_os(guardian::ROLE).is_some();
-    let outcome =
-        if is_supervisor { supervise::supervise(options) } else { guardian::up(options, check) };
+    let outcome = if is_supervisor {
+        supervise::supervise(options)
+    } else if options.detach && std::env::var_os(detach::ALONE).is_none() {
+        detach::up(options)
+    } else {
+        guardian::up(options, check)
+    };
     match outcome {
         Ok(code) => ExitCode::from(code),
         Err(error) => node::exit_code("teseo", Err(error)),

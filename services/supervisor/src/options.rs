@@ -48,6 +48,14 @@ pub struct Options {
     #[arg(long, value_name = "FILE")]
     pub report: Option<PathBuf>,
 
+    /// Return as soon as the robot is ready, and let it run on; `teseo down` ends it
+    #[arg(short, long)]
+    pub detach: bool,
+
+    /// Also write what nodes print to files in this directory, one for each node
+    #[arg(long, value_name = "DIR")]
+    pub log_dir: Option<PathBuf>,
+
     #[command(flatten)]
     #[allow(missing_docs, reason = "the flattened options document themselves")]
     pub log: node::log::Options,

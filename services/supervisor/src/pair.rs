@@ -43,7 +43,7 @@ pub struct PairOptions {
 }
 
 /// Replays the streams and prints what came of each.
-pub fn pair(options: &PairOptions) -> Result {
+pub(crate) fn pair(options: &PairOptions) -> Result {
     let text = read(&options.file)?;
     let replay = Options {
         algorithm: options.policy,

@@ -10,7 +10,7 @@ const ODOMETRIES: usize = 1;
 
 /// Runs the pairing as a managed node: it has a loop of its own, so that starting or reaping a
 /// process never delays a pair.
-pub(crate) fn run(node: &mut Node<'_>) -> Result {
+pub fn run(node: &mut Node<'_>) -> Result {
     let config = node.settings().launch().pairing.config();
     let mut pairing =
         Pairing::new(&config).map_err(|cause| Error::Fault(format!("cannot pair: {cause}")))?;

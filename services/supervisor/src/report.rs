@@ -12,7 +12,7 @@ use serde_json::{Map, Value, json};
 
 use crate::Options;
 use crate::member::Member;
-use crate::supervise::Ending;
+use crate::verdict::Verdict;
 
 /// The counters of one topic over a whole run.
 #[derive(Debug, Default)]
@@ -94,6 +94,14 @@ struct Place {
 
 impl Parameters for Place {}
 
+/// As the launch file says it.
+pub(crate) const fn clock_label(clock: Clock) -> &'static str {
+    match clock {
+        Clock::Lockstep => "lockstep",
+        Clock::Realtime => "realtime",
+    }
+}
+
 /// What is left of a run.
 #[derive(Debug)]
 pub(crate) struct Report {
@@ -112,13 +120,10 @@ impl Report {
         options: &Options,
         members: &[Member],
         wall: Duration,
-        ending: &Ending,
+        verdict: &Verdict,
     ) -> Self {
         let launch = settings.launch();
-        let clock = match launch.clock {
-            Clock::Lockstep => "lockstep",
-            Clock::Realtime => "realtime",
-        };
+        let clock = clock_label(launch.clock);
         let config = options.config.display().to_string();
         let places = launch.process.iter().filter_map(|process| settings.view(&process.name));
         let place =
@@ -132,7 +137,7 @@ impl Report {
             ("seed", json!(launch.seed)),
         ];
         let topics = topics(members);
-        let (mut cause, mut code) = (ending.cause(), ending.code());
+        let (mut cause, mut code) = (verdict.cause.clone(), verdict.code);
         // In lock-step nothing may be lost, and no run may say that it went well where something was.
         if code == 0 && launch.clock == Clock::Lockstep && !topics.values().all(Topic::is_closed) {
             cause.push_str("; but the counters do not close");

@@ -1,18 +1,25 @@
-//! What a person sees: one line per transition, and on a terminal a live line under them.
+//! What a person sees: one line per transition, what nodes write, and on a terminal a live line.
 
-use std::io::{IsTerminal, Write};
+use std::io::{IsTerminal, Stderr, Stdout};
 use std::time::Duration;
 
-use interfaces::{Stamp, State};
+use interfaces::Stamp;
+use node::log::Format;
 
-use crate::member::{Change, Member};
+use crate::machine::Told;
+use crate::member::Member;
+use crate::outlet::Outlet;
 
 /// Often enough to look alive, seldom enough to be read.
 const LIVE_PERIOD: Duration = Duration::from_millis(100);
 
-/// Standard output.
+/// Standard output, and standard error for what nodes write.
 #[derive(Debug)]
 pub(crate) struct Screen {
+    output: Outlet<Stdout>,
+    errors: Outlet<Stderr>,
+    /// What nodes write is for machines, one object a line.
+    is_plain: bool,
     started: Stamp,
     is_terminal: bool,
     live_due: Stamp,
@@ -21,27 +28,35 @@ pub(crate) struct Screen {
 }
 
 impl Screen {
-    pub(crate) fn new(now: Stamp) -> Self {
-        let is_terminal = std::io::stdout().is_terminal();
-        Self { started: now, is_terminal, live_due: now, steps: (now, 0.0), rate: 0.0 }
+    pub(crate) fn new(now: Stamp, format: Format) -> Self {
+        Self {
+            output: Outlet::new(std::io::stdout()),
+            errors: Outlet::new(std::io::stderr()),
+            is_plain: format == Format::Json,
+            started: now,
+            is_terminal: std::io::stdout().is_terminal(),
+            live_due: now,
+            steps: (now, 0.0),
+            rate: 0.0,
+        }
     }
 
-    /// One line for a change of state; the states on the way only where something went wrong.
-    pub(crate) fn change(&mut self, now: Stamp, name: &str, change: &Change) {
-        let is_rest = matches!(
-            change.goal,
-            State::Unconfigured | State::Inactive | State::Active | State::Finalized
-        );
-        if !is_rest && change.reason.is_empty() {
+    /// One line for what has happened, `text`, where a person wants to know.
+    pub(crate) fn tell(&mut self, now: Stamp, told: &Told, name: Option<&str>, text: &str) {
+        if !is_worth_a_line(told) {
             return;
         }
         let elapsed = now.since(self.started).as_secs_f64();
-        let reason = if change.reason.is_empty() { "" } else { ": " };
+        let name = name.unwrap_or("robot");
         self.clear();
-        print(&format!(
-            "{elapsed:9.3} s  {name:<12} {} -> {}{reason}{}\n",
-            change.start, change.goal, change.reason
-        ));
+        self.print(&format!("{elapsed:9.3} s  {name:<12} {text}\n"));
+    }
+
+    /// A line that a node has written.
+    pub(crate) fn log(&mut self, name: &str, text: &str) {
+        self.clear();
+        let line = if self.is_plain { format!("{text}\n") } else { format!("{name}: {text}\n") };
+        self.errors.print(&line);
     }
 
     /// The live line: where the robot is, how fast time goes, how often things happen.
@@ -67,27 +82,49 @@ impl Screen {
         let clearance = value("clearance_m")
             .map_or(String::new(), |clearance| format!("  clear {clearance:5.3} m"));
         let factor = simulated / wall.as_secs_f64().max(1e-3);
-        print(&format!(
-            "\r\x1b[K{simulated:7.2} s simulated  {factor:6.0} x  {pose}{clearance}  {:6.0} Hz",
-            self.rate
+        let rate = self.rate;
+        self.print(&format!(
+            "\r\x1b[K{simulated:7.2} s simulated  {factor:6.0} x  {pose}{clearance}  {rate:6.0} Hz"
         ));
     }
 
     /// Makes room where the live line was.
     pub(crate) fn clear(&mut self) {
         if self.is_terminal {
-            print("\r\x1b[K");
+            self.print("\r\x1b[K");
         }
+    }
+
+    pub(crate) fn print(&mut self, text: &str) {
+        self.output.print(text);
+    }
+
+    /// What could not be written yet.
+    pub(crate) fn flush(&mut self) {
+        self.output.flush();
+        self.errors.flush();
+    }
+
+    /// The last chance for it.
+    pub(crate) fn finish(&mut self) {
+        self.output.finish();
+        self.errors.finish();
     }
 }
 
-/// The report at the end.
-pub(crate) fn report(text: &str) {
-    print(text);
-}
-
-/// Whoever closed our standard output does not want to know; the robot goes on.
-fn print(text: &str) {
-    let mut output = std::io::stdout().lock();
-    drop(output.write_all(text.as_bytes()).and_then(|()| output.flush()));
+/// The states on the way only where something went wrong; and no start, which its states tell.
+fn is_worth_a_line(told: &Told) -> bool {
+    match told {
+        Told::Changed { goal, reason, .. } => goal.is_primary() || !reason.is_empty(),
+        Told::Spawned { .. } | Told::GoingDown { .. } => false,
+        Told::Failed { .. }
+        | Told::Restarting { .. }
+        | Told::TakingDown { .. }
+        | Told::Flowing { .. }
+        | Told::Stalled { .. }
+        | Told::Signalled { .. }
+        | Told::Ended { .. }
+        | Told::Ready { .. }
+        | Told::Refused { .. } => true,
+    }
 }

@@ -1,332 +1,341 @@
-//! The supervisor: configures all nodes in order, activates all in order, stops them in reverse.
+//! The supervisor: hears what has happened, asks the machine what to do about it, and does it.
 
+use std::collections::VecDeque;
 use std::time::Duration;
 
 use interfaces::topics::{
     JOINT_STATES, ODOMETRY, POSE, ROBOT_POSE, SCAN, SENSOR_PAIR, VELOCITY_COMMAND,
 };
-use interfaces::{Outcome, Stamp, State, Transition};
-use node::{Error, Held, Result, Session, Settings, clock, signal};
+use interfaces::{Stamp, State, Transition};
+use node::{Held, Namespace, Notifier, Result, Session, Settings, clock, signal};
+use rustix::event::{PollFd, PollFlags, Timespec};
 use rustix::process::Signal;
 
+use crate::control::Control;
+use crate::desk::{Desk, Goal};
+use crate::history::History;
+use crate::launcher::Launcher;
+use crate::log_book::{Line, LogBook};
+use crate::machine::{Action, Ask, Doing, Ending, Event, Machine, News, Told};
 use crate::member::Member;
+use crate::notify::{Datagram, NotifySocket, Word};
 use crate::report::{self, Report};
-use crate::screen::{self, Screen};
-use crate::{Options, pairing};
+use crate::screen::Screen;
+use crate::verdict::Verdict;
+use crate::{Options, guardian, pairing, plan, sweep};
 
 /// The node that pairs scan and odometry lives in the supervisor's process, in a loop of its own.
-const PAIRING: &str = "pairing";
+pub(crate) const PAIRING: &str = "pairing";
 
-/// Between two looks at the nodes while one is awaited.
-const POLL_AWAITING: Duration = Duration::from_micros(500);
+/// Hints wake the supervisor at once; this is for what gives none: counters, and what nodes write.
+const POLL: Duration = Duration::from_millis(100);
 
-/// Between two looks at the nodes while all is well: nothing in the loop of the robot waits for it.
-const POLL: Duration = Duration::from_millis(10);
+/// A process that was killed in the middle of making a file leaves it unfinished. One that lives is
+/// done with it long before this.
+const UNFINISHED_AGE: Duration = Duration::from_millis(300);
 
-/// How long a process may take until it is unconfigured.
-const START_TIMEOUT: Duration = Duration::from_secs(10);
+/// However long something unfinished stays, a life is not put off for longer.
+const UNFINISHED_WAIT: Duration = Duration::from_secs(1);
 
-/// How long a transition may take.
-const TRANSITION_TIMEOUT: Duration = Duration::from_secs(5);
+/// Between two looks at what is unfinished.
+const POLL_POSTPONED: Duration = Duration::from_millis(10);
 
-/// How long a process may take to end once it was asked to, before it is killed.
-const STOP_TIMEOUT: Duration = Duration::from_secs(2);
-
-/// Why a run ended.
-#[derive(Debug)]
-pub(crate) enum Ending {
-    /// A node said that it was done.
-    Done(String),
-    /// A node said that it had failed.
-    Failed(String),
-    /// Somebody asked for it.
-    Asked,
-    /// A node did not come up.
-    NotStarted {
-        /// The node.
-        name: String,
-        /// What happened.
-        what: String,
-        /// [-] Its exit code, if it had one.
-        code: Option<i32>,
-    },
-    /// A node ended by itself.
-    Died {
-        /// The node.
-        name: String,
-        /// What happened.
-        what: String,
-    },
-    /// The supervisor itself could not go on.
-    Broken(Error),
-}
-
-impl Ending {
-    /// [-] The exit code of the run.
-    pub(crate) fn code(&self) -> u8 {
-        match self {
-            Self::Done(_) | Self::Asked => 0,
-            Self::Failed(_) => 1,
-            Self::Died { .. } => 3,
-            Self::NotStarted { code: Some(78), .. } => 78,
-            Self::NotStarted { .. } => 4,
-            Self::Broken(error) => error.exit_code(),
-        }
-    }
-
-    /// What happened, in one line.
-    pub(crate) fn cause(&self) -> String {
-        match self {
-            Self::Done(why) | Self::Failed(why) => why.clone(),
-            Self::Asked => "asked to stop".to_owned(),
-            Self::NotStarted { name, what, .. } => format!("{name} did not come up: {what}"),
-            Self::Died { name, what } => format!("{name} {what}"),
-            Self::Broken(error) => error.to_string(),
-        }
-    }
-}
-
-impl From<Error> for Ending {
-    fn from(error: Error) -> Self {
-        Self::Broken(error)
-    }
-}
-
-/// A step on the way up, or why the run ends here.
-type Step<T = ()> = std::result::Result<T, Ending>;
+/// [-] Of systemd's watchdog, after `sd_watchdog_enabled(3)`, which says half.
+const PINGS_PER_WATCHDOG: u32 = 3;
 
 /// Runs the robot of `options` until it is done; returns the exit code.
 pub(crate) fn supervise(options: &Options) -> Result<u8> {
     signal::listen();
     node::die_with_parent(Signal::TERM);
+    sweep::inherit_orphans();
     let settings = Settings::of_supervisor(&options.config, &options.sets())?;
     options.report.as_deref().map_or(Ok(()), report::check_writable)?;
-    let mut supervisor = Supervisor::new(&settings)?;
-    let ending = match supervisor.bring_up(options) {
-        Ok(()) => supervisor.watch(),
-        Err(ending) => ending,
-    };
-    supervisor.wind_down()?;
-    let wall = supervisor.wall();
-    supervisor.screen.clear();
-    let report = Report::new(&settings, options, &supervisor.members, wall, &ending);
-    if supervisor.activated.is_some() {
-        screen::report(&report.text());
-    } else {
-        screen::report(&format!("{}\n", ending.cause()));
-    }
-    if let Some(path) = &options.report {
-        report.write(path)?;
-    }
-    Ok(report.code())
+    let mut supervisor = Supervisor::new(&settings, options)?;
+    let ending = supervisor.run()?;
+    supervisor.conclude(&ending)
 }
 
-struct Supervisor<'a> {
-    settings: &'a Settings,
-    session: Session,
-    members: Vec<Member>,
+/// The supervisor's whole world.
+pub(crate) struct Supervisor<'a> {
+    pub(crate) settings: &'a Settings,
+    pub(crate) options: &'a Options,
+    pub(crate) namespace: Namespace,
+    pub(crate) machine: Machine,
+    pub(crate) members: Vec<Member>,
+    pub(crate) names: Vec<String>,
+    pub(crate) last_failures: Vec<Option<(Stamp, String)>>,
+    pub(crate) history: History,
+    pub(crate) log_book: LogBook,
+    pub(crate) notify: NotifySocket,
+    pub(crate) desk: Desk,
+    /// [-] The process that holds the lock with this one.
+    pub(crate) guardian: u32,
+    pub(crate) started: Stamp,
+    pub(crate) ready_after: Option<Duration>,
+    launcher: Launcher,
+    /// What has happened, and the machine has not been told yet.
+    events: VecDeque<Event>,
+    /// Lives that wait until what the last one left is out of their way.
+    postponed: Vec<(usize, u32, Stamp)>,
     screen: Screen,
+    systemd: Notifier,
+    systemd_period: Duration,
+    systemd_due: Stamp,
     activated: Option<Stamp>,
     stopped: Option<Stamp>,
+    stop_requests: u32,
+    ending: Option<Ending>,
     /// Held open by the process that outlives the others, so that a restart finds its topics.
     _topics: Vec<Held>,
+    _session: Session,
 }
 
 impl<'a> Supervisor<'a> {
-    fn new(settings: &'a Settings) -> Result<Self> {
-        let session = Session::join(&settings.namespace()?, settings.name(), settings.epoch())?
+    fn new(settings: &'a Settings, options: &'a Options) -> Result<Self> {
+        let now = clock::now();
+        let namespace = settings.namespace()?;
+        let session = Session::join(&namespace, settings.name(), settings.epoch())?
             .with_clock(settings.clock());
-        let own = settings.name();
-        let topics = vec![
-            session.hold(&JOINT_STATES, own)?,
-            session.hold(&ROBOT_POSE, own)?,
-            session.hold(&SCAN, own)?,
-            session.hold(&ODOMETRY, own)?,
-            session.hold(&SENSOR_PAIR, own)?,
-            session.hold(&VELOCITY_COMMAND, own)?,
-            session.hold(&POSE, own)?,
-        ];
+        let mut members = vec![Member::of_thread(&session, PAIRING, pairing::run)?];
+        for process in settings.launch().start_order() {
+            members.push(Member::of_process(&session, process)?);
+        }
+        let names: Vec<_> = members.iter().map(|member| member.name.clone()).collect();
+        let launcher = Launcher::new(settings, options, &namespace);
         Ok(Self {
             settings,
-            session,
-            members: Vec::new(),
-            screen: Screen::new(clock::now()),
+            options,
+            machine: Machine::new(plan::plans(settings.launch()), now),
+            last_failures: vec![None; members.len()],
+            history: History::new(names.clone()),
+            log_book: LogBook::new(names.clone(), options.log_dir.as_deref())?,
+            notify: NotifySocket::bind(launcher.notify())?,
+            desk: Desk::new(Control::bind(&namespace.directory().join("control"))?),
+            guardian: guardian::pid(),
+            started: now,
+            ready_after: None,
+            launcher,
+            events: VecDeque::new(),
+            postponed: Vec::new(),
+            screen: Screen::new(now, options.log.format),
+            systemd: Notifier::from_environment(),
+            systemd_period: watchdog_period(),
+            systemd_due: now,
             activated: None,
             stopped: None,
-            _topics: topics,
+            stop_requests: 0,
+            ending: None,
+            _topics: hold_topics(&session, settings.name())?,
+            _session: session,
+            namespace,
+            members,
+            names,
         })
     }
 
-    /// Starts all, configures all in order, activates all in order.
-    fn bring_up(&mut self, options: &Options) -> Step {
-        self.start_all(options)?;
-        for index in 0..self.members.len() {
-            self.reach(index, State::Unconfigured, START_TIMEOUT)?;
-        }
-        for index in 0..self.members.len() {
-            self.members[index].request(Transition::Configure)?;
-            self.reach(index, State::Inactive, TRANSITION_TIMEOUT)?;
-        }
-        self.activated = Some(clock::now());
-        for index in 0..self.members.len() {
-            self.members[index].request(Transition::Activate)?;
-            self.reach(index, State::Active, TRANSITION_TIMEOUT)?;
-        }
-        Ok(())
-    }
-
-    /// The pairing first: whoever feeds it finds it there.
-    fn start_all(&mut self, options: &Options) -> Step {
-        let settings = self.settings;
-        let pairing = Member::spawn_thread(&self.session, settings, PAIRING, pairing::run)?;
-        self.members.push(pairing);
-        for process in &settings.launch().process {
-            let arguments = arguments(options, &process.name);
-            let member = Member::spawn(&self.session, settings, &process.name, &arguments)
-                .map_err(|error| not_started(&process.name, error.to_string(), None))?;
-            self.members.push(member);
-        }
-        Ok(())
-    }
-
-    /// Waits until the node has come to `goal`.
-    fn reach(&mut self, index: usize, goal: State, timeout: Duration) -> Step {
-        let begun = clock::now();
+    /// Hears, decides, acts, until everything is down.
+    fn run(&mut self) -> Result<Ending> {
+        let actions = self.machine.start(clock::now());
+        self.carry_out(actions)?;
         loop {
-            let reason = self.poll()?;
-            if let Some((failed, reason)) = reason
-                && failed == index
-            {
-                let code = self.exit_code(index);
-                return Err(not_started(&self.members[index].name, reason, code));
+            self.hear()?;
+            while let Some(event) = self.events.pop_front() {
+                let actions = self.machine.step(event, clock::now());
+                self.carry_out(actions)?;
             }
-            let member = &self.members[index];
-            if member.state == goal {
-                return Ok(());
+            let actions = self.machine.step(Event::Tick, clock::now());
+            self.carry_out(actions)?;
+            if let Some(ending) = self.ending.take() {
+                return Ok(ending);
             }
-            if let Some(ended) = member.ended() {
-                return Err(not_started(&member.name, ended.what.clone(), ended.code));
+            if self.events.is_empty() {
+                self.settle();
+                self.show();
+                self.wait();
             }
-            if 0 < signal::stop_requests() {
-                return Err(Ending::Asked);
-            }
-            if timeout < clock::now().since(begun) {
-                let what = format!("still {} after {} s", member.state, timeout.as_secs());
-                return Err(not_started(&member.name, what, None));
-            }
-            clock::nap(POLL_AWAITING);
         }
     }
 
-    /// The exit code of a node that has just said why it gives up.
-    fn exit_code(&mut self, index: usize) -> Option<i32> {
-        let begun = clock::now();
-        while clock::now().since(begun) < STOP_TIMEOUT {
-            if self.poll().is_err() || self.members[index].ended().is_some() {
-                break;
-            }
-            clock::nap(POLL_AWAITING);
+    /// Takes in what nodes, people and the kernel have said.
+    fn hear(&mut self) -> Result {
+        let now = clock::now();
+        while let Some(datagram) = self.notify.receive() {
+            self.hear_datagram(&datagram);
         }
-        self.members[index].ended().and_then(|ended| ended.code)
-    }
-
-    /// Watches the run until it ends.
-    fn watch(&mut self) -> Ending {
-        loop {
-            if let Err(error) = self.poll() {
-                return Ending::Broken(error);
-            }
-            for member in &self.members {
-                if let Some(ended) = member.ended() {
-                    let reason = &member.reason;
-                    let colon = if reason.is_empty() { "" } else { ": " };
-                    let what = format!("{}{colon}{reason}", ended.what);
-                    return Ending::Died { name: member.name.clone(), what };
+        for node in 0..self.members.len() {
+            while let Some(news) = self.members[node].hear(now)? {
+                if matches!(news, News::Exited(_)) {
+                    self.see_off(node);
                 }
-                match Outcome::try_from(member.status.outcome).unwrap_or(Outcome::Working) {
-                    Outcome::Working => {}
-                    Outcome::Done => return Ending::Done(member.status.text.to_string()),
-                    Outcome::Failed => return Ending::Failed(member.status.text.to_string()),
+                let epoch = self.members[node].epoch;
+                self.events.push_back(Event::News { node, epoch, news });
+            }
+        }
+        self.hear_signals();
+        for (client, request) in self.desk.requests(now) {
+            let asked = self.answer(client, request);
+            self.events.extend(asked.map(Event::Asked));
+        }
+        self.read_logs(now);
+        self.spawn_postponed();
+        Ok(())
+    }
+
+    fn hear_datagram(&mut self, datagram: &Datagram) {
+        let is_speaker =
+            |member: &Member| u32::try_from(datagram.pid).is_ok_and(|pid| member.is(pid));
+        let Some(node) = self.members.iter().position(is_speaker) else {
+            return self.notify.ignore_stranger();
+        };
+        let member = &mut self.members[node];
+        for word in &datagram.words {
+            let news = match word {
+                Word::Ready => {
+                    member.ready();
+                    continue;
                 }
-            }
-            if 0 < signal::stop_requests() {
-                return Ending::Asked;
-            }
-            let wall = self.wall();
-            self.screen.live(clock::now(), wall, &self.members);
-            clock::nap(POLL);
+                Word::Watchdog => News::Pinged,
+                Word::WatchdogTrigger => News::Hung,
+                Word::ExtendTimeout(more) => News::NeedsTime(*more),
+                Word::Status(text) => {
+                    member.says.clone_from(text);
+                    continue;
+                }
+                // Hints: the topics have the truth.
+                Word::Other => continue,
+            };
+            self.events.push_back(Event::News { node, epoch: member.epoch, news });
         }
     }
 
-    /// Deactivates all in reverse order, then ends all in reverse order.
-    fn wind_down(&mut self) -> Result {
-        self.stopped = Some(clock::now());
-        for index in (0..self.members.len()).rev() {
-            if self.members[index].state == State::Active {
-                self.members[index].request(Transition::Deactivate)?;
-                self.await_until(index, |member| member.state == State::Inactive)?;
+    /// Once: down in order. Twice: at once.
+    fn hear_signals(&mut self) {
+        let requests = signal::stop_requests();
+        if self.stop_requests < requests {
+            let ask = if requests == 1 { Ask::Down } else { Ask::DownNow };
+            self.stop_requests = requests;
+            self.events.push_back(Event::Asked(ask));
+        }
+    }
+
+    /// A process has ended: what it wrote last, and what it started and left.
+    fn see_off(&mut self, node: usize) {
+        let lines = self.log_book.close(node, clock::now(), clock::wall());
+        self.tell_lines(lines);
+        let (name, epoch) = (&self.members[node].name, self.members[node].epoch);
+        sweep::orphans(name, epoch, |pid| self.members.iter().any(|member| member.is(pid)));
+    }
+
+    fn read_logs(&mut self, now: Stamp) {
+        let lines = self.log_book.read(now, clock::wall());
+        self.tell_lines(lines);
+    }
+
+    fn tell_lines(&mut self, lines: Vec<Line>) {
+        for line in lines {
+            let name = &self.names[line.node];
+            self.screen.log(name, &line.text);
+            self.desk.tell_line(name, &line);
+        }
+    }
+
+    fn carry_out(&mut self, actions: Vec<Action>) -> Result {
+        for action in actions {
+            match action {
+                Action::Spawn { node, epoch } => self.spawn(node, epoch, clock::now()),
+                Action::Request { node, transition } => self.request(node, transition)?,
+                Action::Query { node } => {
+                    let news = News::IsIn(self.members[node].state());
+                    let epoch = self.members[node].epoch;
+                    self.events.push_back(Event::News { node, epoch, news });
+                }
+                Action::Signal { node, signal } => self.members[node].signal(signal),
+                Action::Tell(told) => self.tell(&told),
+                Action::End(ending) => self.ending = Some(ending),
             }
-        }
-        for member in &mut self.members {
-            member.measure_memory();
-        }
-        for index in (0..self.members.len()).rev() {
-            self.end(index)?;
         }
         Ok(())
     }
 
-    /// Asks the node to end, then tells it to, then ends it.
-    fn end(&mut self, index: usize) -> Result {
-        let has_ended = |member: &Member| member.ended().is_some();
-        if let Some(shutdown) = Transition::shutdown_from(self.members[index].state) {
-            self.members[index].request(shutdown)?;
-        } else {
-            self.members[index].signal(Signal::TERM);
+    /// Begins a life, as soon as nothing unfinished of the last one is in its way.
+    fn spawn(&mut self, node: usize, epoch: u32, asked: Stamp) {
+        let may_wait = 1 < epoch && clock::now().since(asked) < UNFINISHED_WAIT;
+        if may_wait && 0 < self.namespace.sweep_unfinished(UNFINISHED_AGE).unfinished {
+            self.postponed.push((node, epoch, asked));
+            return;
         }
-        if self.await_until(index, has_ended)? {
-            return Ok(());
-        }
-        self.members[index].signal(Signal::TERM);
-        if self.await_until(index, has_ended)? {
-            return Ok(());
-        }
-        let name = &self.members[index].name;
-        tracing::warn!(node = name, "did not end when asked to: killed");
-        self.members[index].signal(Signal::KILL);
-        self.await_until(index, has_ended)?;
-        Ok(())
-    }
-
-    /// Waits, but not for ever, until `reached` holds for the node or it has ended.
-    fn await_until(&mut self, index: usize, reached: impl Fn(&Member) -> bool) -> Result<bool> {
-        let begun = clock::now();
-        loop {
-            self.poll()?;
-            let member = &self.members[index];
-            if reached(member) || member.ended().is_some() {
-                return Ok(true);
-            }
-            if STOP_TIMEOUT < clock::now().since(begun) {
-                return Ok(false);
-            }
-            clock::nap(POLL_AWAITING);
+        let output = self.log_book.open(node, epoch).map_err(|cause| cause.to_string());
+        let member = &mut self.members[node];
+        let spawned = output.and_then(|output| member.spawn(&self.launcher, epoch, output));
+        if let Err(why) = spawned {
+            let news = News::NotSpawned { why };
+            self.events.push_back(Event::News { node, epoch, news });
         }
     }
 
-    /// Takes in what all nodes have said; returns which one, if any, has given a reason for a
-    /// change that nobody asked for.
-    fn poll(&mut self) -> Result<Option<(usize, String)>> {
-        let mut complaint = None;
-        for (index, member) in self.members.iter_mut().enumerate() {
-            while let Some(change) = member.poll()? {
-                self.screen.change(clock::now(), &member.name, &change);
-                if !change.reason.is_empty() {
-                    complaint.get_or_insert((index, change.reason));
-                }
-            }
+    fn spawn_postponed(&mut self) {
+        for (node, epoch, asked) in std::mem::take(&mut self.postponed) {
+            self.spawn(node, epoch, asked);
         }
-        Ok(complaint)
+    }
+
+    fn request(&mut self, node: usize, transition: Transition) -> Result {
+        if transition == Transition::Activate {
+            self.activated.get_or_insert_with(clock::now);
+            // All that it shares is there by now: what there is no room for fails before it moves.
+            self.namespace.reserve()?;
+        }
+        self.members[node].request(transition, &self.launcher)
+    }
+
+    /// Tells people, programs and systemd what has happened.
+    fn tell(&mut self, told: &Told) {
+        let now = clock::now();
+        let happening = self.history.add(told, now, clock::wall());
+        self.desk.tell(happening);
+        let name = happening.node.map(|node| self.names[node].as_str());
+        self.screen.tell(now, told, name, &happening.text);
+        match told {
+            Told::Ready { after } => {
+                self.ready_after = Some(*after);
+                self.systemd.ready();
+            }
+            Told::GoingDown { .. } => {
+                self.stopped = Some(now);
+                self.members.iter_mut().for_each(Member::measure_memory);
+                self.systemd.stopping();
+            }
+            Told::Failed { node, cause, .. } => {
+                self.last_failures[*node] = Some((now, cause.to_string()));
+            }
+            Told::Spawned { .. }
+            | Told::Changed { .. }
+            | Told::Restarting { .. }
+            | Told::TakingDown { .. }
+            | Told::Flowing { .. }
+            | Told::Stalled { .. }
+            | Told::Signalled { .. }
+            | Told::Ended { .. } => {}
+            Told::Refused { why, .. } => self.desk.refuse(why),
+        }
+    }
+
+    /// Answers those whose node has come to where they asked it to.
+    fn settle(&mut self) {
+        let (machine, members) = (&self.machine, &self.members);
+        let is_moving = |node| match machine.node(node).doing {
+            Doing::Starting | Doing::Stopping | Doing::Waiting { .. } | Doing::Stalled => true,
+            Doing::Running | Doing::Stopped | Doing::Ended => false,
+        };
+        // Those that went down with it come up again after it.
+        let is_settled = !(0..members.len()).any(is_moving);
+        self.desk.settle(|node, goal| match goal {
+            Goal::Active { epoch } => {
+                let view = machine.node(node);
+                epoch <= view.epoch && view.state == State::Active && is_settled
+            }
+            Goal::Down => !members[node].lives(),
+        });
     }
 
     /// How long the nodes have been active.
@@ -334,21 +343,77 @@ impl<'a> Supervisor<'a> {
         let Some(activated) = self.activated else { return Duration::ZERO };
         self.stopped.unwrap_or_else(clock::now).since(activated)
     }
+
+    fn show(&mut self) {
+        let now = clock::now();
+        let wall = self.wall();
+        self.screen.live(now, wall, &self.members);
+        self.screen.flush();
+        if self.systemd_due <= now {
+            self.systemd_due = now.after(self.systemd_period);
+            self.systemd.watchdog();
+        }
+    }
+
+    /// Until something happens, or something is due.
+    fn wait(&mut self) {
+        let now = clock::now();
+        let poll = if self.postponed.is_empty() { POLL } else { POLL_POSTPONED };
+        let deadlines = [
+            Some(now.after(poll)),
+            self.machine.next_deadline(),
+            self.desk.next_deadline(),
+            Some(self.systemd_due),
+        ];
+        let due = deadlines.into_iter().flatten().min().unwrap_or(now);
+        let timeout = Timespec::try_from(due.since(now)).unwrap_or_default();
+        let pidfds = self.members.iter().filter_map(Member::pidfd);
+        let mut fds: Vec<_> = pidfds.map(|fd| PollFd::new(fd, PollFlags::IN)).collect();
+        fds.push(PollFd::from_borrowed_fd(self.notify.fd(), PollFlags::IN));
+        fds.extend(signal::wake().map(|wake| PollFd::new(wake, PollFlags::IN)));
+        fds.extend(self.desk.fds());
+        // However it ends, the caller looks everywhere.
+        let _ = rustix::event::poll(&mut fds, Some(&timeout));
+        signal::sleep_again();
+    }
+
+    /// What is left of the run: on screen, in the report, in the exit code.
+    fn conclude(mut self, ending: &Ending) -> Result<u8> {
+        sweep::children();
+        let wall = self.wall();
+        let verdict = Verdict::new(ending, &self.members, self.machine.had_to_kill());
+        self.screen.clear();
+        let report = Report::new(self.settings, self.options, &self.members, wall, &verdict);
+        let text = report.text();
+        self.screen.print(if self.activated.is_some() { &text } else { &verdict.line });
+        if let Some(path) = &self.options.report {
+            report.write(path)?;
+        }
+        self.desk.end(&verdict, report.code());
+        self.screen.finish();
+        if !guardian::is_alive(self.guardian) {
+            // Nobody is left to do it.
+            self.namespace.remove();
+        }
+        Ok(report.code())
+    }
 }
 
-fn not_started(name: &str, what: String, code: Option<i32>) -> Ending {
-    Ending::NotStarted { name: name.to_owned(), what, code }
+fn hold_topics(session: &Session, own: &str) -> Result<Vec<Held>> {
+    Ok(vec![
+        session.hold(&JOINT_STATES, own)?,
+        session.hold(&ROBOT_POSE, own)?,
+        session.hold(&SCAN, own)?,
+        session.hold(&ODOMETRY, own)?,
+        session.hold(&SENSOR_PAIR, own)?,
+        session.hold(&VELOCITY_COMMAND, own)?,
+        session.hold(&POSE, own)?,
+    ])
 }
 
-/// The command line of a node of this robot.
-fn arguments(options: &Options, name: &str) -> Vec<String> {
-    let log = options.log;
-    let mut arguments = vec![
-        format!("--config={}", options.config.display()),
-        format!("--name={name}"),
-        format!("--log-format={}", log.format.label()),
-        format!("--log-level={}", log.level),
-    ];
-    arguments.extend(options.sets().into_iter().map(|set| format!("--set={set}")));
-    arguments
+/// How often systemd wants to hear that this loop turns; where it does not, never.
+fn watchdog_period() -> Duration {
+    // WATCHDOG_PID is the guardian: what matters to it is whether this process goes on.
+    let limit = std::env::var("WATCHDOG_USEC").ok().and_then(|limit| limit.parse().ok());
+    limit.map_or(Duration::MAX, |limit| Duration::from_micros(limit) / PINGS_PER_WATCHDOG)
 }

@@ -67,13 +67,23 @@ impl Layers {
 
     /// The value of all layers, or everything that is wrong with them.
     pub fn parse<T: Parameters>(self) -> Result<T, Errors> {
+        self.parse_and(|_: &T, _| {})
+    }
+
+    /// The same, and what else `check` finds wrong that the value itself cannot know.
+    pub fn parse_and<T: Parameters>(
+        self,
+        check: impl FnOnce(&T, &mut Report<'_>),
+    ) -> Result<T, Errors> {
         let Self { mut merged, mut errors, incomplete } = self;
         let (parsed, rejected) = repair::read::<T>(&mut merged, incomplete);
         errors.extend(rejected);
         if let Some(parsed) = &parsed
             && !incomplete
         {
-            parsed.check(&mut Report::new(&merged, &mut errors));
+            let mut report = Report::new(&merged, &mut errors);
+            parsed.check(&mut report);
+            check(parsed, &mut report);
         }
 
         match parsed {

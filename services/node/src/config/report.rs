@@ -44,14 +44,19 @@ impl<'a> Report<'a> {
         message: impl Into<String>,
         help: impl Into<String>,
     ) {
-        let path = self.path(&key.to_string());
         // What stands in for a mistake is none of the user's.
-        if self.root.along(&path).any(Value::is_mended) {
+        if self.is_mended(&key) {
             return;
         }
+        let path = self.path(&key.to_string());
         let written = self.root.along(&path).count() > 1;
         let root = if written { self.root } else { &Value::INVENTED };
         self.errors.push(root.mistake(&path, message, help));
+    }
+
+    /// Whether the value at `key` is wrong already, so that nothing follows from what stands there.
+    pub fn is_mended(&self, key: impl fmt::Display) -> bool {
+        self.root.along(&self.path(&key.to_string())).any(Value::is_mended)
     }
 
     fn path(&self, key: &str) -> Vec<Step> {

@@ -1,0 +1,50 @@
+//! What can be asked of a robot on the command line.
+
+use std::process::ExitCode;
+
+use clap::Subcommand;
+
+use crate::Check;
+use crate::check::{self, CheckOptions};
+use crate::doctor::{self, DoctorOptions};
+use crate::options::Options;
+use crate::pair::{self, PairOptions};
+use crate::shim::{self, ExecOptions};
+use crate::units::{self, UnitsOptions};
+use crate::verbs;
+
+/// A verb about robots.
+#[derive(Debug, Subcommand)]
+pub enum Verb {
+    /// Bring a robot up, run it, and take it down again
+    Up(Options),
+    /// Say everything that is wrong with a launch file, without running it
+    Check(CheckOptions),
+    /// Replay recorded streams through the pairing: why do my topics not pair?
+    Pair(PairOptions),
+    /// Make systemd units of a launch file
+    Units(UnitsOptions),
+    /// Say what of this machine would trouble a robot, and what mends it
+    Doctor(DoctorOptions),
+    /// Become a node's program: for the supervisor alone
+    #[command(name = shim::VERB, hide = true)]
+    Exec(ExecOptions),
+    #[command(flatten)]
+    #[allow(missing_docs, reason = "the flattened verbs document themselves")]
+    Running(verbs::Verb),
+}
+
+impl Verb {
+    /// Does it; `check` knows the parameters of every service, which this crate does not.
+    pub fn run(self, check: Check) -> ExitCode {
+        match self {
+            Self::Up(options) => crate::up(&options, check),
+            Self::Check(options) => check::check(&options, check),
+            Self::Pair(options) => node::exit_code("teseo pair", pair::pair(&options)),
+            Self::Units(options) => units::units(&options, check),
+            Self::Doctor(options) => doctor::doctor(&options, check),
+            Self::Exec(options) => shim::exec(&options),
+            Self::Running(verb) => verb.run(),
+        }
+    }
+}

@@ -1,0 +1,211 @@
+//! What is asked of a robot that runs: the other end of the control socket.
+
+mod connection;
+mod down;
+mod follow;
+mod say;
+mod status;
+mod steer;
+mod table;
+mod why;
+
+use std::process::ExitCode;
+use std::time::Duration;
+
+use clap::{Args, Subcommand};
+use node::Namespace;
+
+use crate::control::{LINES, Request};
+use follow::Feed;
+use steer::Goal;
+
+/// A verb about a running robot.
+#[derive(Debug, Subcommand)]
+pub enum Verb {
+    /// Take a robot down, in order; return when nothing of it is left
+    Down {
+        #[command(flatten)]
+        #[allow(missing_docs, reason = "the flattened options document themselves")]
+        robot: Which,
+        /// Give up after this long; the robot goes down all the same
+        #[arg(long, value_name = "SECONDS", default_value_t = 30)]
+        wait: u64,
+    },
+    /// Show the robot's nodes; the exit code is 0 where it is ready, 1 where not, 3 where none runs
+    Status {
+        #[command(flatten)]
+        #[allow(missing_docs, reason = "the flattened options document themselves")]
+        robot: Which,
+        /// Print everything that is known, as JSON
+        #[arg(long)]
+        json: bool,
+        /// Show it again every second, until Ctrl-C
+        #[arg(short, long)]
+        watch: bool,
+    },
+    /// Show what nodes have written, also those that have died
+    Logs {
+        #[command(flatten)]
+        #[allow(missing_docs, reason = "the flattened options document themselves")]
+        robot: Which,
+        /// The node [default: all]
+        node: Option<String>,
+        /// Go on with what they will write, until Ctrl-C
+        #[arg(short, long)]
+        follow: bool,
+        /// How many lines
+        #[arg(short = 'n', long, value_name = "NUMBER", default_value_t = LINES)]
+        lines: usize,
+        /// Print one JSON object a line
+        #[arg(long)]
+        json: bool,
+    },
+    /// Take a node and whoever requires it down and up again
+    Restart {
+        #[command(flatten)]
+        #[allow(missing_docs, reason = "the flattened options document themselves")]
+        node: OneNode,
+    },
+    /// Take a node and whoever requires it down, until it is started again
+    Stop {
+        #[command(flatten)]
+        #[allow(missing_docs, reason = "the flattened options document themselves")]
+        node: OneNode,
+    },
+    /// Bring a node and whoever it requires up again
+    Start {
+        #[command(flatten)]
+        #[allow(missing_docs, reason = "the flattened options document themselves")]
+        node: OneNode,
+    },
+    /// Show what has happened
+    Events {
+        #[command(flatten)]
+        #[allow(missing_docs, reason = "the flattened options document themselves")]
+        robot: Which,
+        /// The node [default: all, and the robot]
+        node: Option<String>,
+        /// Go on with what will happen, until Ctrl-C
+        #[arg(short, long)]
+        follow: bool,
+        /// Print one JSON object a line
+        #[arg(long)]
+        json: bool,
+    },
+    /// Say why a node is in the state that it is in
+    Why {
+        #[command(flatten)]
+        #[allow(missing_docs, reason = "the flattened options document themselves")]
+        robot: Which,
+        /// The node
+        node: String,
+    },
+}
+
+/// Which robot a verb is about.
+#[derive(Debug, Args)]
+pub struct Which {
+    /// The robot [default: the only one that runs]
+    #[arg(long = "robot", value_name = "NAME")]
+    name: Option<String>,
+}
+
+/// Which node a verb is about, and for how long.
+#[derive(Debug, Args)]
+pub struct OneNode {
+    #[command(flatten)]
+    robot: Which,
+    /// The node
+    node: String,
+    /// Give up after this long; the node goes on all the same
+    #[arg(long, value_name = "SECONDS", default_value_t = 60)]
+    wait: u64,
+}
+
+impl Verb {
+    pub(crate) fn run(&self) -> ExitCode {
+        match self.carry_out() {
+            Ok(code) => ExitCode::from(code),
+            Err(failure) => {
+                say::complain(&failure);
+                ExitCode::from(failure.code())
+            }
+        }
+    }
+
+    fn carry_out(&self) -> Result<u8, Failure> {
+        match self {
+            Self::Down { robot, wait } => down::down(robot.name(), Duration::from_secs(*wait)),
+            Self::Status { robot, json, watch } => {
+                let namespace = connection::find(robot.name())?;
+                if *watch {
+                    status::watch(&namespace, *json)
+                } else {
+                    status::once(&namespace, *json)
+                }
+            }
+            Self::Logs { robot, node, follow, lines, json } => {
+                let (node, follow, lines) = (node.clone(), *follow, *lines);
+                let request = Request::Logs { node, follow, lines };
+                Feed::Logs.show(robot.name(), &request, follow, *json)
+            }
+            Self::Events { robot, node, follow, json } => {
+                let (node, follow) = (node.clone(), *follow);
+                Feed::Events.show(robot.name(), &Request::Events { node, follow }, follow, *json)
+            }
+            Self::Restart { node } => node.steer(Goal::Restarted),
+            Self::Stop { node } => node.steer(Goal::Stopped),
+            Self::Start { node } => node.steer(Goal::Started),
+            Self::Why { robot, node } => why::why(&connection::find(robot.name())?, node),
+        }
+    }
+}
+
+impl Which {
+    fn name(&self) -> Option<&str> {
+        self.name.as_deref()
+    }
+}
+
+impl OneNode {
+    fn steer(&self, goal: Goal) -> Result<u8, Failure> {
+        let namespace = connection::find(self.robot.name())?;
+        steer::steer(&namespace, &self.node, goal, Duration::from_secs(self.wait))
+    }
+}
+
+/// Whether the robot runs under this guardian, and is ready.
+pub(crate) fn is_ready(namespace: &Namespace, guardian: u32) -> bool {
+    connection::look(namespace)
+        .is_some_and(|status| status["state"] == "ready" && status["guardian"] == guardian)
+}
+
+/// Why a verb did not do what it was asked for.
+#[derive(Debug)]
+pub(crate) enum Failure {
+    /// Whoever asked wants to know no more: it pressed Ctrl-C, or closed our standard output.
+    Unwanted,
+    /// The supervisor says no, or cannot be understood.
+    Refused(String),
+    /// It is not clear which robot is meant.
+    Unclear(String),
+    /// The robot does not run.
+    NotRunning(String),
+    /// It took too long.
+    TooLong(String),
+}
+
+impl Failure {
+    const fn code(&self) -> u8 {
+        match self {
+            Self::Unwanted => 0,
+            Self::Refused(_) => 1,
+            Self::Unclear(_) => 2,
+            Self::NotRunning(_) => 3,
+            Self::TooLong(_) => 124,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,70 @@
+//! `teseo restart`, `stop` and `start`: one node of a running robot.
+
+use std::time::Duration;
+
+use node::{Namespace, clock};
+
+use super::Failure;
+use super::connection::{Connection, Heard, told};
+use super::follow::{Feed, Layout};
+use super::say::say;
+use crate::control::Request;
+
+/// Where a node is wanted.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Goal {
+    Restarted,
+    Stopped,
+    Started,
+}
+
+/// Asks for it, tells what happens, and returns when it is there.
+pub(super) fn steer(
+    namespace: &Namespace,
+    node: &str,
+    goal: Goal,
+    wait: Duration,
+) -> Result<u8, Failure> {
+    let until = clock::now().after(wait);
+    let mut connection = Connection::open(namespace, &goal.request(node))?;
+    let mut layout = Layout::new(Feed::Events);
+    loop {
+        match connection.hear(Some(until))? {
+            Heard::Line(line) => {
+                let answer = told(&line)?;
+                let Some(event) = answer.get(Feed::Events.key()) else { break };
+                layout.make_room([event]);
+                say(&layout.line(event))?;
+            }
+            Heard::End => return Err(connection.gone()),
+            Heard::Nothing => {
+                let help = "see `teseo status`";
+                return Err(Failure::TooLong(format!(
+                    "{node} is not {} after {wait:?}; {help}",
+                    goal.label()
+                )));
+            }
+        }
+    }
+    say(&format!("{node} is {}", goal.label()))?;
+    Ok(0)
+}
+
+impl Goal {
+    fn request(self, node: &str) -> Request {
+        let node = node.to_owned();
+        match self {
+            Self::Restarted => Request::Restart { node },
+            Self::Stopped => Request::Stop { node },
+            Self::Started => Request::Start { node },
+        }
+    }
+
+    const fn label(self) -> &'static str {
+        match self {
+            Self::Restarted => "active again",
+            Self::Stopped => "stopped",
+            Self::Started => "active",
+        }
+    }
+}

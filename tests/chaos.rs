@@ -1,0 +1,161 @@
+//! Random kills at random moments, from one seed: nothing survives, nothing is stuck, nothing is left.
+//!
+//! `SEED` and `KILLS` say which and how many; scripts/chaos has more of them.
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::time::Duration;
+
+use node::clock;
+use rustix::process::Signal;
+
+use crate::robot::{Process, Robot, Run, wait_until};
+
+/// The robot that restarts what dies.
+const LAB_ROBOT: &str = include_str!("../config/lab_robot.toml");
+
+/// [-] Enough to meet each kind of process in each phase a few times.
+const KILLS: u64 = 40;
+
+/// A robot is ready again long before this, also on a busy machine.
+const PATIENCE: Duration = Duration::from_secs(30);
+
+/// The whole of a start, and some of the time after it.
+const PHASE_MAX: Duration = Duration::from_millis(250);
+
+/// As a shell says it: killed by signal 9.
+const KILLED: i32 = 128 + 9;
+
+#[test]
+fn whatever_is_killed_whenever_nothing_survives_and_the_robot_comes_up_again() {
+    let seed = number("SEED", 1);
+    let mut random = Random(seed);
+    let mut times = Times::default();
+    let mut kills = 0;
+    while kills < number("KILLS", KILLS) {
+        let robot = Robot::new();
+        let launch_file = tireless(&robot);
+        // Some lives of the robot end in their first moments, some have nodes killed again and again.
+        let mut run = robot.start_up(&[&launch_file]);
+        loop {
+            run = run.go_on(random.duration(PHASE_MAX));
+            let victims = robot.processes();
+            let Some(&victim) = victims.get(random.below(victims.len())) else { continue };
+            kills += 1;
+            let context = format!("SEED={seed}, kill {kills}: {:?}", victim.command());
+            if is_guardian_or_supervisor(&run, victim) {
+                end_by(&robot, run, victim, &mut times, &context);
+                break;
+            }
+            run = outlive(run, victim, &mut times, &context);
+            if random.below(8) == 0 {
+                // The one ending that leaves nothing to the guardian.
+                let code = run.signal(Signal::INT).wait().code;
+                assert!([0, 6].contains(&code), "{context}: ended with {code}");
+                break;
+            }
+        }
+        robot.assert_nothing_left();
+        times.robots += 1;
+    }
+    times.print(seed, kills);
+}
+
+/// Kills the guardian or the supervisor: nothing of the run survives, and the next `up` works.
+fn end_by(robot: &Robot, run: Run<'_>, victim: Process, times: &mut Times, context: &str) {
+    let is_guardian = run.process() == victim;
+    let killed = clock::now();
+    victim.signal(Signal::KILL);
+    let ended = run.wait();
+    assert_eq!(ended.code, KILLED, "{context}\n{}", ended.story());
+    let gone = wait_until(PATIENCE, || robot.processes().is_empty());
+    assert!(gone, "{context}: {:?} survive", robot.processes());
+    let kind = if is_guardian { "guardian: nothing left" } else { "supervisor: nothing left" };
+    times.add(kind, clock::now().since(killed));
+
+    let launch_file = tireless(robot);
+    let next = robot.start_up(&[&launch_file]).await_count("READY", 1);
+    next.stop();
+}
+
+/// Kills a node: the robot is ready again without hands.
+fn outlive<'a>(run: Run<'a>, victim: Process, times: &mut Times, context: &str) -> Run<'a> {
+    let was_ready = run.output().matches("READY").count();
+    let name = victim
+        .command()
+        .into_iter()
+        .find_map(|word| Some(word.strip_prefix("--name=")?.to_owned()));
+    let killed = clock::now();
+    victim.signal(Signal::KILL);
+    let run = run.await_count("READY", was_ready + 1);
+    if 0 < was_ready {
+        times
+            .add(&format!("{}: ready again", name.unwrap_or_default()), clock::now().since(killed));
+    }
+    assert!(!run.output().contains("gave up"), "{context}\n{}", run.output());
+    run
+}
+
+fn is_guardian_or_supervisor(run: &Run<'_>, victim: Process) -> bool {
+    // Both are `teseo up`; a node, also while it is in the shim, has a name.
+    run.process() == victim || !victim.command().iter().any(|word| word.starts_with("--name="))
+}
+
+/// A robot that may fail as often as it likes, and does not hesitate.
+fn tireless(robot: &Robot) -> String {
+    let patient = "restart = \"on-failure\"\nstart_limit_burst = 3600\nrestart_delay_ms = 1\n\
+                   restart_delay_max_ms = 1\nstart_timeout_ms = 3000";
+    robot.launch_file_from(LAB_ROBOT, &[("restart = \"on-failure\"", patient)])
+}
+
+fn number(name: &str, default: u64) -> u64 {
+    std::env::var(name).map_or(default, |text| text.parse().unwrap())
+}
+
+/// How long things took, by what they were.
+#[derive(Default)]
+struct Times {
+    robots: u64,
+    by_kind: BTreeMap<String, Vec<Duration>>,
+}
+
+impl Times {
+    fn add(&mut self, kind: &str, time: Duration) {
+        self.by_kind.entry(kind.to_owned()).or_default().push(time);
+    }
+
+    fn print(&mut self, seed: u64, kills: u64) {
+        let mut table =
+            format!("seed {seed}: {kills} kills of {} robots, nothing left\n", self.robots);
+        let head = "| killed: until | n | p50 ms | p99 ms | max ms |\n|---|--:|--:|--:|--:|\n";
+        table.push_str(head);
+        for (kind, times) in &mut self.by_kind {
+            times.sort();
+            let at = |percent: usize| times[(times.len() - 1) * percent / 100].as_secs_f64() * 1e3;
+            let (count, p50, p99, max) = (times.len(), at(50), at(99), at(100));
+            let _ = writeln!(table, "| {kind} | {count} | {p50:.1} | {p99:.1} | {max:.1} |");
+        }
+        println!("{table}");
+    }
+}
+
+/// `SplitMix64`: Steele, Lea, Flood, "Fast splittable pseudorandom number generators", 2014.
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut mixed = self.0;
+        mixed = (mixed ^ (mixed >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        mixed ^ (mixed >> 31)
+    }
+
+    fn below(&mut self, limit: usize) -> usize {
+        usize::try_from(self.next() % limit.max(1) as u64).unwrap()
+    }
+
+    fn duration(&mut self, max: Duration) -> Duration {
+        max.mul_f64(self.next() as f64 / u64::MAX as f64)
+    }
+}
