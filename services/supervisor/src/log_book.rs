@@ -223,3 +223,66 @@ fn text(bytes: &[u8]) -> String {
     let shown = |c: char| if c.is_control() && c != '\t' { '\u{fffd}' } else { c };
     text.trim_end_matches(['\n', '\r']).chars().map(shown).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use std::io::Write as _;
+    use std::process::Command;
+
+    use super::*;
+
+    #[test]
+    fn lines_are_told_whole_and_the_last_without_its_end_at_the_end() {
+        let mut book = LogBook::new(vec!["node".to_owned()], None).unwrap();
+        let (out, err) = book.open(0, 1).unwrap();
+        let script = "printf 'one\\ntw'; printf 'o\\nthree' >&2";
+        Command::new("sh").args(["-c", script]).stdout(out).stderr(err).status().unwrap();
+
+        assert_eq!(texts(&book.read(Stamp::ZERO, SystemTime::UNIX_EPOCH)), ["one", "two"]);
+        assert_eq!(texts(&book.close(0, Stamp::ZERO, SystemTime::UNIX_EPOCH)), ["three"]);
+        assert_eq!(texts(&book.last(None, 2)), ["two", "three"]);
+    }
+
+    #[test]
+    fn a_flood_is_neither_kept_nor_waited_for() {
+        let mut book = LogBook::new(vec!["node".to_owned()], None).unwrap();
+        let (out, err) = book.open(0, 1).unwrap();
+        let flood = "head -c 3000000 /dev/zero | tr '\\0' '\\n'; echo last";
+        Command::new("sh").args(["-c", flood]).stdout(out).stderr(err).status().unwrap();
+        let lines = book.read(Stamp::ZERO, SystemTime::UNIX_EPOCH);
+
+        assert_eq!(texts(&lines).last(), Some(&"last"));
+        assert!(2_000_000 < book.dropped(), "{}", book.dropped());
+        assert_eq!(book.last(None, usize::MAX).len(), LINES_MAX);
+    }
+
+    #[test]
+    fn a_full_disk_costs_lines_on_the_disk_and_nothing_else() {
+        let mut disk = Disk { directory: PathBuf::from("/dev"), lost: 0, why: String::new() };
+        let line = Line {
+            node: 0,
+            epoch: 1,
+            at: Stamp::ZERO,
+            wall: SystemTime::UNIX_EPOCH,
+            text: "text".to_owned(),
+        };
+        // `/dev/full/x.log` cannot be made, as on a full or read-only disk.
+        disk.directory.push("full");
+        disk.append("x", &[line]);
+
+        assert_eq!(disk.lost, 1);
+        assert!(!disk.why.is_empty());
+    }
+
+    #[test]
+    fn no_escape_code_reaches_a_terminal() {
+        let mut begun = Vec::new();
+        begun.write_all(b"\x1b[31mred").unwrap();
+
+        assert_eq!(split(&mut begun, b"\x07\n"), ["\u{fffd}[31mred\u{fffd}"]);
+    }
+
+    fn texts(lines: &[Line]) -> Vec<&str> {
+        lines.iter().map(|line| line.text.as_str()).collect()
+    }
+}

@@ -572,8 +572,8 @@ impl Machine {
             News::Exited(exit) => self.see_off(node, exit, now),
             // It was told to go before it had come, and may not have noticed: no signal reaches a
             // thread.
-            News::Changed { goal: State::Unconfigured, .. }
-                if matches!(self.lives[node].phase, Phase::ShuttingDown(_)) =>
+            News::Changed { goal: State::Unconfigured, reason }
+                if reason.is_empty() && self.lives[node].phase.was_told(Kill::Term) =>
             {
                 self.lives[node].phase = Phase::Unconfigured;
             }

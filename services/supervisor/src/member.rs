@@ -295,8 +295,14 @@ impl Member {
         };
         match &self.life {
             Life::Process { child, .. } => signal_group(child, signal),
-            // Nothing in the kernel can end a thread alone.
-            Life::Thread(_) => {}
+            // Nothing in the kernel can end a thread alone: it is left behind, and ends with this process.
+            Life::Thread(_) => {
+                if signal == Signal::KILL {
+                    self.life = Life::Nowhere;
+                    let exit = Exit { code: None, what: "was left behind".to_owned() };
+                    self.news.push_back(News::Exited(exit));
+                }
+            }
             // A foreign node that has no process yet ends as soon as it is told.
             Life::Nowhere => {
                 let exit = Exit { code: None, what: "had not begun".to_owned() };

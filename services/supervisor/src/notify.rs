@@ -141,3 +141,60 @@ fn one_line(text: &str) -> String {
     }
     line
 }
+
+#[cfg(test)]
+mod tests {
+    use rand_chacha::ChaCha8Rng;
+    use rand_chacha::rand_core::{Rng, SeedableRng};
+
+    use super::*;
+
+    #[test]
+    fn the_protocol_s_words_are_known() {
+        let said = b"READY=1\nSTATUS=at work\nWATCHDOG=1\nEXTEND_TIMEOUT_USEC=2500000\nX_MINE=1\n";
+        let words = [
+            Word::Ready,
+            Word::Status("at work".to_owned()),
+            Word::Watchdog,
+            Word::ExtendTimeout(Duration::from_millis(2_500)),
+            Word::Other,
+        ];
+
+        assert_eq!(parse(said).unwrap(), words);
+        assert_eq!(parse(b"WATCHDOG=trigger").unwrap(), [Word::WatchdogTrigger]);
+    }
+
+    #[test]
+    fn what_is_no_message_is_none() {
+        for nonsense in [&b""[..], b"\n", b"READY", b"=1", b"\xff=1", b"EXTEND_TIMEOUT_USEC=-1"] {
+            assert_eq!(parse(nonsense), None, "{nonsense:?}");
+        }
+    }
+
+    #[test]
+    fn no_status_reaches_a_terminal_s_controls() {
+        let text = "\u{1b}[2J\r".to_owned() + &"x".repeat(1_000);
+        let words = parse(format!("STATUS={text}").as_bytes()).unwrap();
+        let [Word::Status(shown)] = words.as_slice() else { panic!("{words:?}") };
+
+        assert!(shown.len() <= STATUS_MAX && !shown.contains(char::is_control), "{shown:?}");
+    }
+
+    #[test]
+    fn no_bytes_make_it_panic_or_wait_for_ever() {
+        let mut random = ChaCha8Rng::seed_from_u64(1);
+        let alphabet = b"READYWATCHDOGSTATUSEXTEND_TIMEOUT_USEC=\n\n\n110\xff\0";
+        for _ in 0..200_000 {
+            let length = random.next_u64() % 48;
+            let letter = |random: &mut ChaCha8Rng| {
+                alphabet[usize::try_from(random.next_u64()).unwrap() % alphabet.len()]
+            };
+            let bytes: Vec<_> = (0..length).map(|_| letter(&mut random)).collect();
+            for word in parse(&bytes).into_iter().flatten() {
+                if let Word::ExtendTimeout(more) = word {
+                    assert!(more <= EXTENSION_MAX, "{bytes:?}");
+                }
+            }
+        }
+    }
+}

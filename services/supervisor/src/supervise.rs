@@ -299,11 +299,13 @@ impl<'a> Supervisor<'a> {
             Told::Ready { after } => {
                 self.ready_after = Some(*after);
                 self.systemd.ready();
+                self.systemd.status(&format!("{} nodes are active", self.names.len()));
             }
-            Told::GoingDown { .. } => {
+            Told::GoingDown { cause } => {
                 self.stopped = Some(now);
                 self.members.iter_mut().for_each(Member::measure_memory);
                 self.systemd.stopping();
+                self.systemd.status(&format!("going down: {cause}"));
             }
             Told::Failed { node, cause, .. } => {
                 self.last_failures[*node] = Some((now, cause.to_string()));

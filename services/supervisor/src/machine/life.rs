@@ -307,6 +307,11 @@ impl Phase {
         }
     }
 
+    /// Whether it was asked to end by this signal.
+    pub(super) fn was_told(self, signal: Kill) -> bool {
+        matches!(self, Self::ShuttingDown(stopping) if stopping.told == Some(signal))
+    }
+
     /// Whether its code does nothing any more.
     pub(super) fn is_paused(self) -> bool {
         !matches!(self, Self::Active | Self::Activating(_) | Self::Deactivating(_))
