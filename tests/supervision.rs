@@ -290,6 +290,9 @@ fn the_verbs_see_and_steer_a_running_robot() {
     let names: Vec<_> =
         status["nodes"].as_array().unwrap().iter().map(|node| &node["name"]).collect();
     assert_eq!(names, ORDER);
+    let memory = &status["shared_memory"];
+    let (held, need) = (memory["bytes"].as_u64().unwrap(), memory["need"].as_u64().unwrap());
+    assert!(held <= need && need < 3 * held, "holds {held} bytes, said to need {need}");
     verb(&robot, &["restart", "odometry"], 0);
     assert_ne!(run.node("odometry"), odometry, "{}", run.output());
     verb(&robot, &["stop", "controller"], 0);
