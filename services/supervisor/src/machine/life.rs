@@ -247,54 +247,39 @@ impl Phase {
 
     /// It asks for more time for what it is doing.
     pub(super) fn extend(&mut self, now: Stamp, more: Duration) {
-        match self {
-            Self::Starting(deadline)
-            | Self::Configuring(deadline)
-            | Self::Activating(deadline)
-            | Self::Deactivating(deadline) => deadline.extend(now, more),
-            Self::ShuttingDown(stopping) => stopping.until = stopping.until.max(now.after(more)),
-            Self::Down
-            | Self::Unconfigured
-            | Self::Inactive
-            | Self::Active
-            | Self::Failing(_)
-            | Self::Dying(_)
-            | Self::Ended
-            | Self::Lost => {}
+        if let Self::ShuttingDown(stopping) = self {
+            stopping.until = stopping.until.max(now.after(more));
+        } else if let Some(deadline) = self.transition_deadline() {
+            deadline.extend(now, more);
         }
     }
 
-    /// Its way up has lost its point.
+    /// Its way up has lost its point; its way down has not.
     pub(super) fn shorten(&mut self, now: Stamp, limit: Duration) {
-        match self {
-            Self::Starting(deadline) | Self::Configuring(deadline) | Self::Activating(deadline) => {
-                if now.after(limit) < deadline.until {
-                    *deadline = Deadline::new(now, limit);
-                }
-            }
-            Self::Down
-            | Self::Unconfigured
-            | Self::Inactive
-            | Self::Active
-            | Self::Deactivating(_)
-            | Self::Failing(_)
-            | Self::ShuttingDown(_)
-            | Self::Dying(_)
-            | Self::Ended
-            | Self::Lost => {}
+        let is_on_its_way_up = !matches!(self, Self::Deactivating(_));
+        if let Some(deadline) = self.transition_deadline()
+            && is_on_its_way_up
+            && now.after(limit) < deadline.until
+        {
+            *deadline = Deadline::new(now, limit);
         }
     }
 
     /// It is late; until `until` somebody has to say where it is.
     pub(super) fn ask(&mut self, until: Stamp) {
+        if let Some(deadline) = self.transition_deadline() {
+            deadline.until = until;
+            deadline.is_asked = true;
+        }
+    }
+
+    /// Until when its transition has to be done, while it is in one.
+    fn transition_deadline(&mut self) -> Option<&mut Deadline> {
         match self {
             Self::Starting(deadline)
             | Self::Configuring(deadline)
             | Self::Activating(deadline)
-            | Self::Deactivating(deadline) => {
-                deadline.until = until;
-                deadline.is_asked = true;
-            }
+            | Self::Deactivating(deadline) => Some(deadline),
             Self::Down
             | Self::Unconfigured
             | Self::Inactive
@@ -303,7 +288,7 @@ impl Phase {
             | Self::ShuttingDown(_)
             | Self::Dying(_)
             | Self::Ended
-            | Self::Lost => {}
+            | Self::Lost => None,
         }
     }
 
