@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use crate::example::build_trip_meter;
 use crate::robot::{Ended, Robot, SIMULATION};
 
 /// The configuration is wrong: do not start me again.
@@ -275,6 +276,7 @@ fn complaint(ended: &Ended) -> String {
 
 #[test]
 fn every_launch_file_that_comes_with_the_project_is_right() {
+    build_trip_meter();
     let directory = concat!(env!("CARGO_MANIFEST_DIR"), "/config");
     let entries = std::fs::read_dir(directory).unwrap().map(|entry| entry.unwrap().path());
     let files: Vec<_> =
