@@ -97,8 +97,8 @@ fn outlive<'a>(run: Run<'a>, victim: Process, times: &mut Times, context: &str) 
 }
 
 fn is_guardian_or_supervisor(run: &Run<'_>, victim: Process) -> bool {
-    // Both are `teseo up`; a node, also while it is in the shim, has a name.
-    run.process() == victim || !victim.command().iter().any(|word| word.starts_with("--name="))
+    // By descent and not by words: a node that is just being started still has the supervisor's.
+    run.process() == victim || run.process().children().contains(&victim)
 }
 
 /// A robot that may fail as often as it likes, and does not hesitate.

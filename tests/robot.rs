@@ -230,7 +230,8 @@ impl Process {
         command.unwrap_or_default().split_terminator('\0').map(str::to_owned).collect()
     }
 
-    fn children(self) -> Vec<Self> {
+    /// The processes that it has started, or was left with.
+    pub(crate) fn children(self) -> Vec<Self> {
         let path = format!("/proc/{0}/task/{0}/children", self.pid);
         let children = fs::read_to_string(path).unwrap_or_default();
         children.split_whitespace().map(|pid| Self { pid: pid.parse().unwrap() }).collect()
