@@ -7,6 +7,7 @@
 
 mod lifecycle;
 mod messages;
+mod motion;
 mod status;
 mod text;
 mod time;
@@ -17,6 +18,7 @@ pub use messages::{
     BEAMS_MAX, Header, JointState, LEFT, LaserScan, Odometry, Pose, RIGHT, SensorPair,
     VelocityCommand,
 };
+pub use motion::{MotionRequest, MotionState, Permission, REJECTIONS_MAX, StopCause};
 pub use status::{NodeStatus, Outcome, PORTS_MAX, PortStatus, VALUES_MAX, Value};
 pub use text::Text;
 pub use time::Stamp;

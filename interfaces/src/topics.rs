@@ -7,7 +7,11 @@
 //! | `robot_pose` | `Pose` | `odom` | as `joint_states`, for robots that report only a pose | simulator or bridge |
 //! | `odom` | `Odometry` | `odom`, twist in `base_link` | one per measurement | odometry |
 //! | `sensor_pair` | `SensorPair` | | one per pair | supervisor |
-//! | `cmd_vel` | `VelocityCommand` | `base_link` | one per pair, or the controller's period | controller |
+//! | `cmd_vel` | `VelocityCommand` | `base_link` | one per pair, or the controller's period | controller or multiplexer |
+//! | `autonomy_cmd_vel` | `VelocityCommand` | `base_link` | as `cmd_vel`, where a multiplexer chooses | controller |
+//! | `teleop_cmd_vel` | `VelocityCommand` | `base_link` | 20 Hz while somebody drives | teleop |
+//! | `motion_state` | `MotionState` | | by change | simulator or bridge |
+//! | `motion_request` | `MotionRequest` | | by request | `teseo arm` |
 //! | `pose` | `Pose` | `map` | optional | a localization |
 //! | `~/change_state` | `ChangeState` | | by request | supervisor |
 //! | `~/transition_event` | `TransitionEvent` | | by change | the node |
@@ -23,8 +27,8 @@ use bytemuck::Pod;
 use iceoryx2::prelude::ZeroCopySend;
 
 use crate::{
-    ChangeState, Header, JointState, LaserScan, NodeStatus, Odometry, Pose, SensorPair,
-    TransitionEvent, VelocityCommand,
+    ChangeState, Header, JointState, LaserScan, MotionRequest, MotionState, NodeStatus, Odometry,
+    Pose, SensorPair, TransitionEvent, VelocityCommand,
 };
 
 /// A sample that can travel on a topic.
@@ -54,6 +58,8 @@ messages!(
     ChangeState,
     JointState,
     LaserScan,
+    MotionRequest,
+    MotionState,
     NodeStatus,
     Odometry,
     Pose,
@@ -164,7 +170,23 @@ pub const SENSOR_PAIR: Topic<SensorPair> = Topic::new("sensor_pair", DEPTH, DEAD
 
 /// How the robot shall move; never latched, since a late joiner must not act on an old command.
 pub const VELOCITY_COMMAND: Topic<VelocityCommand> =
-    Topic::new("cmd_vel", DEPTH, DEADLINE, "controller");
+    Topic::new("cmd_vel", DEPTH, DEADLINE, "controller or multiplexer");
+
+/// How the controller would move the robot, where a multiplexer chooses between several.
+pub const AUTONOMY_COMMAND: Topic<VelocityCommand> =
+    Topic::new("autonomy_cmd_vel", DEPTH, DEADLINE, "controller");
+
+/// How a person would move the robot.
+pub const TELEOP_COMMAND: Topic<VelocityCommand> =
+    Topic::new("teleop_cmd_vel", DEPTH, DEADLINE, "teleop");
+
+/// Whether the robot may move, and why not.
+pub const MOTION_STATE: Topic<MotionState> =
+    Topic::new("motion_state", 16, DEADLINE_LIFECYCLE, "simulator or bridge").latched();
+
+/// What a person asks of whoever drives the wheels.
+pub const MOTION_REQUEST: Topic<MotionRequest> =
+    Topic::new("motion_request", 4, DEADLINE_LIFECYCLE, "teseo arm");
 
 /// Where a localization believes the robot to be.
 pub const POSE: Topic<Pose> = Topic::new("pose", DEPTH, DEADLINE, "a localization");

@@ -27,6 +27,7 @@
 mod arguments;
 pub mod clock;
 pub mod config;
+pub mod deadman;
 mod error;
 mod figures;
 pub mod launch;
