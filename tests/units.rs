@@ -61,7 +61,7 @@ fn arguments_and_variables_stay_what_they_are() {
     let (ended, files) = make(&robot, Path::new(&launch), true, &[]);
     ended.assert_code(0);
     verify(&files, "--system");
-    let stranger = files.iter().find(|file| file.ends_with("teseo-burger-stranger.service"));
+    let stranger = files.iter().find(|file| file.ends_with("teseo-burger.stranger.service"));
     let text = fs::read_to_string(stranger.unwrap()).unwrap();
     assert!(!text.contains("\nExecStartPre"), "{text}");
     assert!(text.contains("\nEnvironment=\"WORDS=a\\x0aExecStartPre=/bin/false"), "{text}");
@@ -84,7 +84,7 @@ fn a_bridge_has_its_serial_ports_and_little_else() {
     let (ended, files) = make(&robot, Path::new(&launch), true, &[]);
     ended.assert_code(0);
     verify(&files, "--system");
-    let bridge = files.iter().find(|file| file.ends_with("teseo-burger-turtlebot3.service"));
+    let bridge = files.iter().find(|file| file.ends_with("teseo-burger.turtlebot3.service"));
     let bridge = bridge.unwrap().clone();
     let text = fs::read_to_string(&bridge).unwrap();
     for line in

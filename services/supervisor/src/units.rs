@@ -186,7 +186,7 @@ fn next(robot: &Robot, per_node: bool) -> String {
     let start = if per_node { format!("{name}.target") } else { format!("{name}.service") };
     let _ = writeln!(next, "  {systemctl} daemon-reload");
     let _ = writeln!(next, "  {systemctl} enable --now {start}");
-    let _ = writeln!(next, "  {journalctl} --follow --unit='{name}*'");
+    let _ = writeln!(next, "  {journalctl} --follow --unit='{name}.*'");
     if per_node {
         let _ = writeln!(
             next,

@@ -81,9 +81,10 @@ fn restarts_alone(launch: &Launch, process: &Process, systemd: u32) -> bool {
     process.strategy == Strategy::OneForOne && !is_required && SYSTEMD_STEPS <= systemd
 }
 
-/// The name of a node's unit.
+/// The name of a node's unit. The full stop is in no name of a robot or a node, so that no two pairs
+/// of them have the same unit, nor a node that of a robot.
 pub(super) fn service(robot: &Robot, node: &str) -> String {
-    format!("{}-{node}.service", robot.name())
+    format!("{}.{node}.service", robot.name())
 }
 
 /// The target, and the chain in the order of start.
@@ -249,6 +250,7 @@ fn placement(unit: &mut Unit, process: &Process) {
 
 #[cfg(test)]
 pub(super) mod tests {
+    use std::collections::BTreeSet;
     use std::path::Path;
 
     use super::*;
@@ -280,7 +282,7 @@ pub(super) mod tests {
         let files = files(&robot(|_| {})).unwrap();
 
         let chain = ["pairing", "simulator", "odometry", "controller"];
-        let chain = chain.map(|name| format!("teseo-burger-{name}.service"));
+        let chain = chain.map(|name| format!("teseo-burger.{name}.service"));
         let names: Vec<_> = files.iter().map(|file| file.name.as_str()).collect();
         assert_eq!(names[0], "teseo-burger.target");
         assert_eq!(names[1..], chain);
@@ -295,10 +297,27 @@ pub(super) mod tests {
     }
 
     #[test]
+    fn no_two_robots_have_a_unit_of_the_same_name() {
+        let of = |name: &str, node: &str| {
+            let robot = robot(|launch| {
+                launch.robot = name.to_owned();
+                launch.process[2].name = node.to_owned();
+            });
+            let mut files = files(&robot).unwrap();
+            files.push(one_unit::file(&robot).unwrap());
+            files.into_iter().map(|file| file.name).collect::<Vec<_>>()
+        };
+        let all = [of("a-b", "c"), of("a", "b-c"), of("a-b-c", "d"), of("a-b-", "-c")].concat();
+        let different: BTreeSet<_> = all.iter().collect();
+
+        assert_eq!(different.len(), all.len(), "{all:?}");
+    }
+
+    #[test]
     fn a_unit_may_start_as_often_as_all_before_it_may_fail() {
         let files = files(&robot(|launch| launch.process[0].start_limit_interval_s = 60)).unwrap();
 
-        let of = |name: &str, key| values(&files, &format!("teseo-burger-{name}.service"), key);
+        let of = |name: &str, key| values(&files, &format!("teseo-burger.{name}.service"), key);
         assert_eq!(of("pairing", "StartLimitBurst"), ["5"]);
         assert_eq!(of("controller", "StartLimitBurst"), ["20"]);
         assert_eq!(of("pairing", "StartLimitIntervalSec"), ["30s"]);
@@ -323,7 +342,7 @@ pub(super) mod tests {
         });
         let files = files(&Robot { systemd: 254, ..robot }).unwrap();
 
-        let mode = |name| values(&files, &format!("teseo-burger-{name}.service"), "RestartMode");
+        let mode = |name| values(&files, &format!("teseo-burger.{name}.service"), "RestartMode");
         assert_eq!(mode("odometry"), [""; 0], "the controller requires it");
         assert_eq!(mode("controller"), ["direct"]);
     }
