@@ -1,11 +1,15 @@
 //! Whatever dies comes back, as the launch file says, or the robot goes down and says why.
 
+use std::process::ExitCode;
 use std::time::Duration;
 
+use interfaces::topics::POSE;
+use node::Arguments;
+use node::log::{Format, Options};
 use rustix::process::Signal;
 use serde_json::Value;
 
-use crate::robot::{Ended, Robot, Run, wait_until};
+use crate::robot::{Ended, Robot, Run, test_of, wait_until};
 
 /// The robot that restarts what dies.
 const LAB_ROBOT: &str = include_str!("../config/lab_robot.toml");
@@ -333,6 +337,34 @@ fn detached_a_robot_that_does_not_come_up_says_so() {
 }
 
 #[test]
+fn a_node_that_publishes_on_events_only_is_ready_before_the_first() {
+    let alarm = |node: &mut node::Node<'_>| {
+        let _alarm = node.publish_on_event(&POSE)?;
+        while node.tick()?.is_some() {}
+        Ok(())
+    };
+    // This same binary, started by the supervisor below.
+    if std::env::var_os("TESEO_NODE").is_some() {
+        assert_eq!(node::start(&own_arguments(), "stranger", alarm), ExitCode::SUCCESS);
+        return;
+    }
+    let robot = Robot::new();
+    let binary = std::env::current_exe().unwrap();
+    let command = format!("exec {} {} --exact", binary.display(), test_of(&alarm));
+    let launch_file = robot.file("launch.toml", "");
+    let keys = format!(
+        "exec = [\"/bin/sh\", \"-c\", \"{command}\"]\n\
+         environment = {{ LAUNCH_FILE = \"{launch_file}\" }}"
+    );
+    let run = ready_with(&robot, &lab_robot_with(&robot, &keys));
+
+    // Longer than any other topic may be silent.
+    let ended = run.go_on(Duration::from_millis(1_500)).stop();
+    assert!(!ended.out.contains("sends nothing"), "{}", ended.story());
+    assert_eq!(ended.topics()["pose"]["sent"], 0, "{}", ended.story());
+}
+
+#[test]
 fn strangers_on_the_notify_socket_change_nothing() {
     let robot = Robot::new();
     let run = ready(&robot, &[]);
@@ -418,6 +450,19 @@ fn verb(robot: &Robot, arguments: &[&str], code: i32) -> Ended {
     let ended = robot.start(arguments).wait();
     ended.assert_code(code);
     ended
+}
+
+/// What a node is told, where the test binary is one.
+fn own_arguments() -> Arguments {
+    let log = Options { format: Format::Text, level: "warn".parse().unwrap() };
+    Arguments {
+        config: std::env::var_os("LAUNCH_FILE").unwrap().into(),
+        name: std::env::var("TESEO_NODE").ok(),
+        sets: Vec::new(),
+        autostart: false,
+        epoch: std::env::var("TESEO_EPOCH").unwrap().parse().ok(),
+        log,
+    }
 }
 
 /// [s] In a line that says that a node starts again.

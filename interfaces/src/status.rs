@@ -13,15 +13,17 @@ pub const VALUES_MAX: usize = 32;
 
 /// The counters of one port.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Pod, Zeroable, ZeroCopySend)]
-#[type_name("PortStatus/1")]
+#[type_name("PortStatus/2")]
 #[repr(C)]
 pub struct PortStatus {
     /// [-] The topic's full name.
     pub topic: Text,
     /// [-] 1 for a publisher, 0 for a subscriber.
     pub publishes: u8,
+    /// [-] 1 for a publisher that may be silent for as long as nothing happens, else 0.
+    pub on_event: u8,
     /// [-] Zero.
-    pub reserved: [u8; 7],
+    pub reserved: [u8; 6],
     /// [-] Samples sent, or taken from the queue while active.
     pub samples: u64,
     /// [-] Samples overwritten before they were received: gaps in the sequence.
@@ -71,7 +73,7 @@ impl TryFrom<u8> for Outcome {
 
 /// What a node says about itself: at every transition, and while active at the topic's rate.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable, ZeroCopySend)]
-#[type_name("NodeStatus/1")]
+#[type_name("NodeStatus/2")]
 #[repr(C)]
 pub struct NodeStatus {
     /// Stamp of the report, sequence, epoch.

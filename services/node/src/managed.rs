@@ -6,8 +6,8 @@ use std::time::Duration;
 use iceoryx2::prelude::{SignalHandlingMode, WaitSetBuilder, ipc};
 use interfaces::topics::{CHANGE_STATE, STATUS, TRANSITION_EVENT};
 use interfaces::{
-    ChangeState, Message, NodeStatus, Outcome, PORTS_MAX, Stamp, State, Text, Topic, Transition,
-    TransitionEvent,
+    ChangeState, Message, NodeStatus, Outcome, PORTS_MAX, PortStatus, Stamp, State, Text, Topic,
+    Transition, TransitionEvent,
 };
 
 use crate::figures::Figures;
@@ -78,11 +78,33 @@ struct Told {
 }
 
 /// A port whose counters and queue the node looks after.
-struct Counted(Rc<dyn Port>);
+struct Counted {
+    port: Rc<dyn Port>,
+    /// Whether nobody may wait for it to carry something.
+    on_event: bool,
+}
+
+impl Counted {
+    fn new(port: Rc<dyn Port>) -> Self {
+        Self { port, on_event: false }
+    }
+
+    fn on_event(port: Rc<dyn Port>) -> Self {
+        Self { port, on_event: true }
+    }
+
+    fn status(&self) -> PortStatus {
+        PortStatus { on_event: self.on_event.into(), ..self.port.status() }
+    }
+
+    fn has_flowed(&self) -> bool {
+        self.on_event || self.port.has_flowed()
+    }
+}
 
 impl std::fmt::Debug for Counted {
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        formatter.write_str(self.0.status().topic.as_str())
+        formatter.write_str(self.port.status().topic.as_str())
     }
 }
 
@@ -161,17 +183,27 @@ impl<'a> Node<'a> {
         self.settings.parameters()
     }
 
-    /// Becomes the one publisher of `topic`.
+    /// Becomes the one publisher of `topic`, and promises a steady flow: the robot is ready only when
+    /// something has come, and a silence of a second is a fault.
     pub fn publish<T: Message>(&mut self, topic: &Topic<T>) -> Result<Publisher<T>> {
         let publisher = self.session.publisher(topic)?;
-        self.ports.push(Counted(publisher.port()));
+        self.ports.push(Counted::new(publisher.port()));
+        Ok(publisher)
+    }
+
+    /// Becomes the one publisher of `topic`, but promises nothing: for what is sent only when
+    /// something happens, such as an alarm, or once, such as a map. Nobody waits for it, neither for
+    /// the robot to be ready nor later.
+    pub fn publish_on_event<T: Message>(&mut self, topic: &Topic<T>) -> Result<Publisher<T>> {
+        let publisher = self.session.publisher(topic)?;
+        self.ports.push(Counted::on_event(publisher.port()));
         Ok(publisher)
     }
 
     /// Reads `topic`; every sample wakes this node.
     pub fn subscribe<T: Message + 'static>(&mut self, topic: &Topic<T>) -> Result<Subscriber<T>> {
         let subscriber = self.session.subscriber(topic)?;
-        self.ports.push(Counted(subscriber.port()));
+        self.ports.push(Counted::new(subscriber.port()));
         Ok(subscriber)
     }
 
@@ -182,7 +214,7 @@ impl<'a> Node<'a> {
         topic: &Topic<T>,
     ) -> Result<Subscriber<T>> {
         let subscriber = self.session.quiet_subscriber(topic)?;
-        self.ports.push(Counted(subscriber.port()));
+        self.ports.push(Counted::new(subscriber.port()));
         Ok(subscriber)
     }
 
@@ -296,7 +328,7 @@ impl<'a> Node<'a> {
         if due && let Some(period) = self.period {
             self.schedule(now, period);
         }
-        let flows = !self.told.flows && self.ports.iter().all(|port| port.0.has_flowed());
+        let flows = !self.told.flows && self.ports.iter().all(Counted::has_flowed);
         if flows || self.status_due <= now {
             self.send_status(now)?;
         }
@@ -428,7 +460,7 @@ impl<'a> Node<'a> {
     }
 
     fn drain(&self) -> Result {
-        self.ports.iter().try_for_each(|port| port.0.drain())
+        self.ports.iter().try_for_each(|counted| counted.port.drain())
     }
 
     /// Notes the next request that fits the node's state; a signal is a request to end.
@@ -506,7 +538,7 @@ impl<'a> Node<'a> {
             let ports = self.ports.iter().take(PORTS_MAX);
             report.port_count = u32::try_from(ports.len()).unwrap_or_default();
             for (slot, port) in report.port.iter_mut().zip(ports) {
-                *slot = port.0.status();
+                *slot = port.status();
             }
             report.value_count = self.figures.write(&mut report.value);
         }

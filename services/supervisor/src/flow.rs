@@ -24,6 +24,8 @@ pub(crate) struct Flow {
 #[derive(Debug)]
 struct TopicFlow {
     name: String,
+    /// Whether it may be silent.
+    on_event: bool,
     samples: u64,
     /// When it was last seen to carry more than before.
     moved: Stamp,
@@ -48,8 +50,8 @@ impl Flow {
             return None;
         }
         self.count(status, now);
-        let dry = self.topics.iter().find(|topic| topic.samples == 0);
-        let stalled = self.topics.iter().find(|topic| STALL < now.since(topic.moved));
+        let dry = self.topics.iter().find(|topic| topic.is_dry());
+        let stalled = self.topics.iter().find(|topic| topic.is_stalled(now));
         match self.told {
             Told::Nothing if dry.is_none() => {
                 self.told = Told::Flows;
@@ -70,8 +72,8 @@ impl Flow {
     /// The topic that has stalled, if one has.
     pub(crate) fn stalled(&self, now: Stamp) -> Option<&str> {
         let is_told = self.told == Told::Stalled;
-        let mut topics = self.topics.iter().filter(|topic| STALL < now.since(topic.moved));
-        topics.next().filter(|_| is_told).map(|topic| topic.name.as_str())
+        let stalled = self.topics.iter().find(|topic| topic.is_stalled(now));
+        stalled.filter(|_| is_told).map(|topic| topic.name.as_str())
     }
 
     /// [Hz] Each topic and how often it carries a sample.
@@ -87,6 +89,7 @@ impl Flow {
                 Some(topic) => topic.count(port.samples, now),
                 None => self.topics.push(TopicFlow {
                     name: name.to_owned(),
+                    on_event: port.on_event == 1,
                     samples: port.samples,
                     moved: now,
                     counted: (now, port.samples),
@@ -98,6 +101,14 @@ impl Flow {
 }
 
 impl TopicFlow {
+    const fn is_dry(&self) -> bool {
+        !self.on_event && self.samples == 0
+    }
+
+    fn is_stalled(&self, now: Stamp) -> bool {
+        !self.on_event && STALL < now.since(self.moved)
+    }
+
     fn count(&mut self, samples: u64, now: Stamp) {
         if self.samples < samples {
             self.samples = samples;
@@ -109,5 +120,54 @@ impl TopicFlow {
             self.rate = more as f64 / elapsed.as_secs_f64();
             self.counted = (now, samples);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use interfaces::Text;
+
+    use super::*;
+
+    /// An active node that has sent so many samples on the one topic, none on the other.
+    fn status(samples: u64, on_event: u8) -> NodeStatus {
+        let port = |name: &str, samples, on_event| PortStatus {
+            topic: Text::new(name),
+            publishes: 1,
+            on_event,
+            samples,
+            ..PortStatus::default()
+        };
+        let mut status = NodeStatus { state: State::Active as u8, ..NodeStatus::default() };
+        status.port[0] = port("odom", samples, 0);
+        status.port[1] = port("alarm", 0, on_event);
+        status.port_count = 2;
+        status
+    }
+
+    #[test]
+    fn what_is_published_steadily_is_waited_for_and_missed() {
+        let mut flow = Flow::default();
+        let at = |seconds| Stamp::ZERO.after(Duration::from_secs(seconds));
+
+        assert_eq!(flow.turn(&status(0, 1), at(1)), None);
+        assert_eq!(flow.turn(&status(1, 1), at(2)), Some(News::Flows));
+        assert_eq!(flow.turn(&status(2, 1), at(3)), None);
+        let stalled = News::Stalled { topic: "odom".to_owned() };
+        assert_eq!(flow.turn(&status(2, 1), at(5)), Some(stalled));
+        assert_eq!(flow.stalled(at(5)), Some("odom"));
+    }
+
+    #[test]
+    fn what_is_published_on_events_is_neither_waited_for_nor_missed() {
+        let mut flow = Flow::default();
+        let at = |seconds| Stamp::ZERO.after(Duration::from_secs(seconds));
+        assert_eq!(flow.turn(&status(1, 0), at(1)), None, "the other topic is waited for");
+
+        let mut flow = Flow::default();
+        let news: Vec<_> =
+            (1..10).filter_map(|second| flow.turn(&status(second, 1), at(second))).collect();
+        assert_eq!(news, [News::Flows]);
+        assert_eq!(flow.stalled(at(9)), None);
     }
 }
