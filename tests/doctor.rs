@@ -89,6 +89,8 @@ fn a_robot_that_runs_is_named_with_its_process_and_has_left_nothing() {
     let found = running["found"].as_str().unwrap();
     let who = format!("'burger' by process {} in {directory}", std::process::id());
     assert!(found.contains(&who), "{found}");
+    let commands = running["mend"].as_array().unwrap();
+    assert!(commands.contains(&"teseo down --robot burger".into()), "{running}");
 }
 
 #[test]

@@ -27,6 +27,8 @@ struct Running {
     directory: PathBuf,
     /// As it says itself; empty in its first moment.
     process: String,
+    /// Whether it lies where this user's robots do.
+    is_own: bool,
 }
 
 /// A robot that does not run, and has left its directory.
@@ -92,7 +94,7 @@ impl Robots {
             let is_used =
                 living.prefixes.contains(&prefix) || living.directories.contains(&directory);
             if let Some(process) = holder {
-                robots.running.push(Running { robot, directory, process });
+                robots.running.push(Running { robot, directory, process, is_own });
             } else if is_own && !is_used {
                 robots.stale.push(Stale { robot, directory, shared_memory: held });
             }
@@ -195,15 +197,25 @@ pub(super) fn running(robots: &Robots) -> Finding {
         return Finding::ok(what, "none of this user's");
     }
     let describe = |running: &Running| {
-        let Running { robot, directory, process } = running;
+        let Running { robot, directory, process, .. } = running;
         format!("'{robot}' by process {process} in {}", directory.display())
     };
     let found: Vec<_> = robots.running.iter().map(describe).collect();
     let finding = Finding::note(what, found.join("; "));
-    let ends = robots.running.iter().filter(|running| !running.process.is_empty());
-    ends.fold(finding, |finding, running| {
-        finding.mend(format!("kill {}   # takes '{}' down", running.process, running.robot))
-    })
+    robots.running.iter().map(Running::down).fold(finding, Finding::mend)
+}
+
+impl Running {
+    /// The command that takes it down.
+    fn down(&self) -> String {
+        let down = format!("teseo down --robot {}", self.robot);
+        match self.directory.parent() {
+            Some(runtime) if !self.is_own => {
+                format!("TESEO_RUNTIME_DIR={} {down}", runtime.display())
+            }
+            Some(_) | None => down,
+        }
+    }
 }
 
 /// Whether robots can have their directories, for this user alone.
@@ -272,6 +284,16 @@ mod tests {
         let finding = running(&robots);
         assert_eq!(finding.level, Level::Note);
         assert!(finding.found.contains("'burger' by process 12041"), "{finding:?}");
+        assert_eq!(finding.mend, ["teseo down --robot burger"]);
+    }
+
+    #[test]
+    fn a_robot_that_runs_elsewhere_is_taken_down_there() {
+        let place = Place { is_own: false, ..place("burger", Some("12041")) };
+        let robots = Robots::sort([place].into_iter(), &Living::default(), memory(&[]));
+
+        let down = "TESEO_RUNTIME_DIR=/run/user/1000/teseo teseo down --robot burger";
+        assert_eq!(running(&robots).mend, [down]);
     }
 
     #[test]
