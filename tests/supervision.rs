@@ -337,6 +337,22 @@ fn detached_a_robot_that_does_not_come_up_says_so() {
 }
 
 #[test]
+fn detached_a_robot_that_ends_by_itself_tells_how_until_it_runs_again() {
+    let robot = Robot::new();
+    let launch_file = lab_robot(&robot, &[]);
+    verb(&robot, &["up", "--detach", &launch_file, "--for", "2"], 0).assert_says(&["READY"]);
+    robot.await_no_process();
+
+    let story = ["burger ended at ", "with exit code 0", "2 s are over"];
+    verb(&robot, &["status"], 3).assert_says(&story);
+    verb(&robot, &["why", "controller", "--robot", "burger"], 3).assert_says(&story);
+    let other = verb(&robot, &["status", "--robot", "other"], 3);
+    assert!(!other.err.contains("ended"), "{}", other.story());
+    verb(&robot, &["up", &launch_file, "--for", "1"], 0);
+    robot.assert_nothing_left();
+}
+
+#[test]
 fn a_node_that_publishes_on_events_only_is_ready_before_the_first() {
     let alarm = |node: &mut node::Node<'_>| {
         let _alarm = node.publish_on_event(&POSE)?;

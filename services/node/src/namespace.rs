@@ -22,6 +22,9 @@ const SHARED_MEMORY: &str = "/dev/shm";
 /// The name of the lock's file.
 const LOCK: &str = "lock";
 
+/// What follows a robot's name, which has no full stop, in the name of the file with its last words.
+const LAST_WORDS: &str = "last";
+
 /// The name of the transport's configuration.
 const TRANSPORT_CONFIG: &str = "iceoryx2.toml";
 
@@ -206,6 +209,16 @@ impl Namespace {
     /// The file whose lock is the right to run the robot.
     pub fn lock(&self) -> PathBuf {
         self.directory.join(LOCK)
+    }
+
+    /// Beside the directory, which is gone by then: how a run ended that nobody watched.
+    pub fn last_words(&self) -> PathBuf {
+        self.directory.with_extension(LAST_WORDS)
+    }
+
+    /// Whether this is some robot's [`Namespace::last_words`].
+    pub fn is_last_words(path: &Path) -> bool {
+        path.extension().is_some_and(|extension| extension == LAST_WORDS)
     }
 
     /// What the robot holds in shared memory now.

@@ -9,7 +9,7 @@ use node::{Error, Namespace, Result, Settings, clock};
 use rustix::fs::MemfdFlags;
 use rustix::process::Pid;
 
-use crate::{Options, guardian, shim, verbs};
+use crate::{Options, guardian, last_words, shim, verbs};
 
 /// Between two looks at whether the robot is ready.
 const POLL: Duration = Duration::from_millis(10);
@@ -50,13 +50,21 @@ fn await_ready(mut guardian: Child, namespace: &Namespace, mut said: File) -> Re
         let mut text = String::new();
         drop(said.rewind().and_then(|()| said.read_to_string(&mut text)));
         drop(std::io::stdout().write_all(text.as_bytes()));
+        if ended.is_some() {
+            last_words::forget(namespace);
+        }
         return Ok(ended.map_or(0, guardian::exit_code));
     }
 }
 
+/// Whether this is the guardian that runs on.
+pub(crate) fn is_alone() -> bool {
+    std::env::var_os(ALONE).is_some()
+}
+
 /// In the guardian that runs on: no terminal can end it.
 pub(crate) fn leave_terminal() {
-    if std::env::var_os(ALONE).is_some()
+    if is_alone()
         && let Err(cause) = rustix::process::setsid()
     {
         let own: Pid = rustix::process::getpid();

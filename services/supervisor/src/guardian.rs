@@ -14,7 +14,7 @@ use rustix::fs::FlockOperation;
 use rustix::process::{Pid, PidfdFlags, Signal};
 
 use crate::check::check_all;
-use crate::{Check, Options, detach, shim, sweep};
+use crate::{Check, Options, detach, last_words, shim, sweep};
 
 /// Somebody may ask for the end in the very moment before this process waits.
 const POLL: Duration = Duration::from_millis(250);
@@ -35,15 +35,19 @@ pub(crate) fn up(options: &Options, check: Check) -> Result<u8> {
     // Of a run whose guardian and supervisor were killed at once.
     sweep::strangers(&namespace);
     namespace.clear();
+    last_words::forget(&namespace);
     check_memory(&settings)?;
     sweep::inherit_orphans();
-    let outcome = start(&lock).and_then(watch);
+    let outcome = start(&lock).and_then(watch).map(exit_code);
     sweep::children();
+    if detach::is_alone() {
+        last_words::keep(&namespace, *outcome.as_ref().unwrap_or(&1));
+    }
     for path in namespace.remove() {
         tracing::warn!(path = %path.display(), "could not be removed");
     }
     drop(lock);
-    outcome.map(exit_code)
+    outcome
 }
 
 /// What there is no room for in shared memory would kill its process in motion: refused before.

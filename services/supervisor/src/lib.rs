@@ -14,6 +14,7 @@ mod doctor;
 mod flow;
 mod guardian;
 mod history;
+mod last_words;
 mod launcher;
 mod log_book;
 mod machine;
@@ -50,7 +51,7 @@ fn up(options: &Options, check: Check) -> ExitCode {
     let is_supervisor = std::env::var_os(guardian::ROLE).is_some();
     let outcome = if is_supervisor {
         supervise::supervise(options)
-    } else if options.detach && std::env::var_os(detach::ALONE).is_none() {
+    } else if options.detach && !detach::is_alone() {
         detach::up(options)
     } else {
         guardian::up(options, check)

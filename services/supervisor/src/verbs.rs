@@ -16,6 +16,7 @@ use clap::{Args, Subcommand};
 use node::Namespace;
 
 use crate::control::{LINES, Request};
+use crate::last_words;
 use follow::Feed;
 use steer::Goal;
 
@@ -137,12 +138,8 @@ impl Verb {
         match self {
             Self::Down { robot, wait } => down::down(robot.name(), Duration::from_secs(*wait)),
             Self::Status { robot, json, watch } => {
-                let namespace = connection::find(robot.name())?;
-                if *watch {
-                    status::watch(&namespace, *json)
-                } else {
-                    status::once(&namespace, *json)
-                }
+                let show = if *watch { status::watch } else { status::once };
+                robot.find_or_tell(|namespace| show(namespace, *json))
             }
             Self::Logs { robot, node, follow, lines, json } => {
                 let (node, follow, lines) = (node.clone(), *follow, *lines);
@@ -156,7 +153,7 @@ impl Verb {
             Self::Restart { node } => node.steer(Goal::Restarted),
             Self::Stop { node } => node.steer(Goal::Stopped),
             Self::Start { node } => node.steer(Goal::Started),
-            Self::Why { robot, node } => why::why(&connection::find(robot.name())?, node),
+            Self::Why { robot, node } => robot.find_or_tell(|namespace| why::why(namespace, node)),
         }
     }
 }
@@ -164,6 +161,18 @@ impl Verb {
 impl Which {
     fn name(&self) -> Option<&str> {
         self.name.as_deref()
+    }
+
+    /// Does `verb` for the robot; of one that does not run, tells how it ended.
+    fn find_or_tell(
+        &self,
+        verb: impl FnOnce(&Namespace) -> Result<u8, Failure>,
+    ) -> Result<u8, Failure> {
+        let outcome = connection::find(self.name()).and_then(|namespace| verb(&namespace));
+        if matches!(outcome, Err(Failure::NotRunning(_))) {
+            say::mention(&last_words::read(&Namespace::runtime_directory(), self.name()));
+        }
+        outcome
     }
 }
 

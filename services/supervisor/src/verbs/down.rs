@@ -11,7 +11,7 @@ use super::Failure;
 use super::connection::{self, Connection, Heard, told};
 use super::say::{say, shown};
 use crate::control::Request;
-use crate::guardian;
+use crate::{guardian, last_words};
 
 /// Between two looks at what is left.
 const POLL: Duration = Duration::from_millis(5);
@@ -49,6 +49,7 @@ pub(super) fn down(robot: Option<&str>, wait: Duration) -> Result<u8, Failure> {
         }
         clock::nap(POLL);
     }
+    last_words::forget(&namespace);
     conclude(robot, ended.as_ref())
 }
 

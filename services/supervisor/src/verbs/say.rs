@@ -33,6 +33,14 @@ pub(super) fn complain(failure: &Failure) {
     let _ = writeln!(std::io::stderr(), "teseo: {}", shown(text));
 }
 
+/// Says on standard error what is no answer, but worth knowing.
+pub(super) fn mention(text: &str) {
+    for line in text.lines() {
+        // Whoever closed our standard error does not want to know.
+        let _ = writeln!(std::io::stderr(), "{}", shown(line));
+    }
+}
+
 /// Whether whoever reads wants colours: a terminal that has them, by <https://no-color.org>.
 pub(super) fn wants_colours() -> bool {
     let given = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty());

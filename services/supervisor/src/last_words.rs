@@ -1,0 +1,86 @@
+//! How a robot ended that nobody watched: kept beside its directory until somebody was told, or it
+//! runs again.
+
+use std::fmt::Write;
+use std::fs::{self, File};
+use std::os::fd::AsFd;
+use std::os::unix::fs::FileExt;
+use std::path::Path;
+
+use node::{Namespace, clock};
+
+/// [-] The report of a run, and what its nodes have written before it.
+const LINES: usize = 60;
+
+/// [byte] In which they are looked for.
+const TAIL: u64 = 64 * 1024;
+
+/// Keeps the last of what this guardian's run has printed, and its exit code.
+pub(crate) fn keep(namespace: &Namespace, code: u8) {
+    let Ok(output) = std::io::stdout().as_fd().try_clone_to_owned() else { return };
+    let (robot, now) = (namespace.robot(), humantime::format_rfc3339_seconds(clock::wall()));
+    let mut text = format!("{robot} ended at {now} with exit code {code}; it said last:\n");
+    for line in last(&tail(&File::from(output))) {
+        let _ = writeln!(text, "  {line}");
+    }
+    let path = namespace.last_words();
+    if let Err(cause) = fs::write(&path, text) {
+        tracing::warn!(path = %path.display(), %cause, "nobody will know how the robot ended");
+    }
+}
+
+/// What robots under `runtime` have said last, or the one of this name.
+pub(crate) fn read(runtime: &Path, robot: Option<&str>) -> String {
+    let all = || {
+        let paths = fs::read_dir(runtime).into_iter().flatten().flatten().map(|entry| entry.path());
+        let mut paths: Vec<_> = paths.filter(|path| Namespace::is_last_words(path)).collect();
+        paths.sort();
+        paths
+    };
+    let one = |robot| Namespace::under(runtime, robot).map(|namespace| namespace.last_words());
+    let paths = robot.map_or_else(all, |robot| one(robot).into_iter().collect());
+    paths.iter().filter_map(|path| fs::read_to_string(path).ok()).collect()
+}
+
+/// Somebody was told.
+pub(crate) fn forget(namespace: &Namespace) {
+    let path = namespace.last_words();
+    if fs::remove_file(&path).is_ok()
+        && let Some(runtime) = path.parent()
+    {
+        // Unless another robot lives there.
+        let _ = fs::remove_dir(runtime);
+    }
+}
+
+/// Not with `read`: whoever writes shares the place where that begins.
+fn tail(output: &File) -> Vec<u8> {
+    let size = output.metadata().map_or(0, |file| file.len());
+    let mut bytes = vec![0; usize::try_from(size.min(TAIL)).unwrap_or_default()];
+    match output.read_exact_at(&mut bytes, size.saturating_sub(TAIL)) {
+        Ok(()) => bytes,
+        Err(_) => Vec::new(),
+    }
+}
+
+fn last(bytes: &[u8]) -> Vec<String> {
+    let text = String::from_utf8_lossy(bytes);
+    let lines: Vec<_> = text.lines().collect();
+    lines[lines.len().saturating_sub(LINES)..].iter().map(|&line| line.to_owned()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_last_lines_are_kept_in_their_order() {
+        let text = (0..1_000).map(|number| format!("line {number}")).collect::<Vec<_>>();
+        let kept = last(text.join("\n").as_bytes());
+
+        assert_eq!(kept.len(), LINES);
+        assert_eq!((kept[0].as_str(), kept[LINES - 1].as_str()), ("line 940", "line 999"));
+        assert_eq!(last(b"one\n\xff"), ["one", "\u{fffd}"]);
+        assert_eq!(last(b""), [""; 0]);
+    }
+}
