@@ -31,6 +31,8 @@ mod robot;
 #[cfg(test)]
 mod round_trip;
 #[cfg(test)]
+mod safety;
+#[cfg(test)]
 mod supervision;
 #[cfg(test)]
 mod tickets;

@@ -3,7 +3,8 @@
 use crate::robot::{Ended, Robot};
 
 /// Every topic of the simulated robot on which something is said.
-const TOPICS: [&str; 5] = ["cmd_vel", "joint_states", "odom", "scan", "sensor_pair"];
+const TOPICS: [&str; 5] =
+    ["cmd_vel", "joint_states", "motion_state", "odom", "scan", "sensor_pair"];
 
 #[test]
 fn the_robot_drives_out_through_the_outer_corridor_and_back() {

@@ -46,6 +46,8 @@ pub enum StopCause {
     EmergencyStop = 3,
     /// The supervisor is gone.
     SupervisorLost = 4,
+    /// Whoever drives the wheels was told to let go.
+    Paused = 5,
 }
 
 impl StopCause {
@@ -57,6 +59,7 @@ impl StopCause {
             Self::Silence => "dead-man",
             Self::EmergencyStop => "emergency stop",
             Self::SupervisorLost => "supervisor lost",
+            Self::Paused => "paused",
         }
     }
 }
@@ -65,10 +68,17 @@ impl TryFrom<u8> for StopCause {
     type Error = UnknownNumber;
 
     fn try_from(number: u8) -> Result<Self, UnknownNumber> {
-        [Self::None, Self::NotArmed, Self::Silence, Self::EmergencyStop, Self::SupervisorLost]
-            .into_iter()
-            .find(|&cause| cause as u8 == number)
-            .ok_or(UnknownNumber(number))
+        [
+            Self::None,
+            Self::NotArmed,
+            Self::Silence,
+            Self::EmergencyStop,
+            Self::SupervisorLost,
+            Self::Paused,
+        ]
+        .into_iter()
+        .find(|&cause| cause as u8 == number)
+        .ok_or(UnknownNumber(number))
     }
 }
 

@@ -2,8 +2,10 @@
 
 use std::time::Duration;
 
-use interfaces::topics::{ODOMETRY, POSE, SCAN, SENSOR_PAIR, VELOCITY_COMMAND};
-use interfaces::{LaserScan, Odometry, Pose, SensorPair, Stamp, VelocityCommand};
+use interfaces::topics::{MOTION_STATE, ODOMETRY, POSE, SCAN, SENSOR_PAIR, VELOCITY_COMMAND};
+use interfaces::{
+    Header, LaserScan, MotionState, Odometry, Permission, Pose, SensorPair, Stamp, VelocityCommand,
+};
 use node::config::{self, Place};
 use node::{
     Clock, Error, Gauge, Lookup, Node, Publisher, Result, Sample, Settings, Subscriber, Window,
@@ -79,6 +81,12 @@ fn is_fresh(ticket: &SensorPair, now: Stamp) -> bool {
     now.since(ticket.formed) <= SENSOR_PAIR.deadline
 }
 
+/// What a robot that is held hears: it may move again after a while of commands that begin with
+/// zero, and the follower goes on where it was.
+fn standstill(stamp: Stamp) -> VelocityCommand {
+    VelocityCommand { header: Header { stamp, ..Header::default() }, ..VelocityCommand::default() }
+}
+
 /// The follower with its wires.
 struct Driver {
     controller: Controller,
@@ -88,6 +96,8 @@ struct Driver {
     odometry: Window<Odometry>,
     poses: Subscriber<Pose>,
     pose: Option<Sample<Pose>>,
+    motion_states: Subscriber<MotionState>,
+    is_armed: bool,
     commands: Publisher<VelocityCommand>,
     gone: Gauge,
 }
@@ -102,6 +112,8 @@ impl Driver {
             odometry: Window::open(node, &ODOMETRY)?,
             poses: node.subscribe_quietly(&POSE)?,
             pose: None,
+            motion_states: node.subscribe_quietly(&MOTION_STATE)?,
+            is_armed: true,
             commands: node.publish(&VELOCITY_COMMAND)?,
             gone: node.gauge("tickets_whose_sample_is_gone"),
         })
@@ -137,7 +149,14 @@ impl Driver {
             }
             (Lookup::NotYet, _) | (_, Lookup::NotYet) => return Ok(false),
         };
-        let command = self.controller.update(scan, odometry);
+        if let Some(state) = self.motion_states.latest()? {
+            self.is_armed = state.permission == Permission::Armed as u8;
+        }
+        let command = if self.is_armed {
+            self.controller.update(scan, odometry)
+        } else {
+            standstill(ticket.header.stamp)
+        };
         // Once a localization knows where the robot is, another node drives.
         if !is_handed_over(self.pose.as_deref()) {
             self.commands.send(command)?;

@@ -172,6 +172,11 @@ impl Settings {
     }
 }
 
+/// Which life it is of a process whose lives nobody counts: one that starts at `now`.
+pub fn epoch_of(now: Stamp) -> u32 {
+    epoch(true, now)
+}
+
 /// Which life it is of a node whose lives nobody counts. One that starts by itself may have had
 /// others before, so its epoch is the time since the machine started, in tenths of a second: larger
 /// in each life, for thirteen years, where no two begin within one tenth.
@@ -232,6 +237,15 @@ pub fn exit_code(name: &str, outcome: Result) -> ExitCode {
     // Whoever closed our standard error does not want to know.
     drop(writeln!(std::io::stderr(), "{name}: {error}"));
     ExitCode::from(error.exit_code())
+}
+
+/// Whose death this process is told of, where it is not to die with it: the supervisor of a process
+/// that drives the wheels.
+pub const SUPERVISOR: &str = "TESEO_SUPERVISOR";
+
+/// The supervisor that this process outlives, if there is one.
+pub(crate) fn supervisor() -> Option<Pid> {
+    Pid::from_raw(std::env::var(SUPERVISOR).ok()?.parse().ok()?)
 }
 
 /// From now on this process gets `signal` when the one that started it dies. A process whose

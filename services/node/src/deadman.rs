@@ -180,15 +180,23 @@ impl DeadMan {
         }
     }
 
+    /// Whoever drives the wheels is about to let go of them: they come to rest before.
+    pub fn pause(&mut self, now: Stamp) {
+        self.look(now);
+        if matches!(self.state, State::Waiting | State::Driving { .. }) {
+            self.stop(now, StopCause::Paused);
+        }
+    }
+
     /// A person allows the robot to move again: it does once commands come as they should.
     pub fn arm(&mut self, now: Stamp) {
         self.look(now);
         self.rearms = Rearms::default();
-        if let State::Stopped { needs_person, .. } = &mut self.state
-            && std::mem::take(needs_person)
-        {
-            self.report.changes += 1;
+        if let State::Stopped { needs_person, .. } = &mut self.state {
+            *needs_person = false;
         }
+        // Who asks is answered, whether it made a difference or not.
+        self.report.changes += 1;
         self.rearm(now);
     }
 
@@ -287,10 +295,13 @@ impl DeadMan {
             }
             (State::Waiting | State::Driving { .. }, _) => false,
         };
-        let rate = if cause == StopCause::Silence {
-            self.config.deceleration()
-        } else {
-            self.config.emergency_deceleration()
+        let rate = match cause {
+            StopCause::EmergencyStop | StopCause::SupervisorLost => {
+                self.config.emergency_deceleration()
+            }
+            StopCause::None | StopCause::NotArmed | StopCause::Silence | StopCause::Paused => {
+                self.config.deceleration()
+            }
         };
         let braking = Braking::new(now, motion, rate);
         self.state = State::Stopped { braking, stream: None, needs_person };
@@ -307,7 +318,9 @@ impl DeadMan {
             return;
         };
         let is_healthy = self.config.rearm_after() <= now.since(stream.since);
-        let is_over = !self.estopped && self.report.cause != StopCause::SupervisorLost;
+        let is_for_good =
+            matches!(self.report.cause, StopCause::SupervisorLost | StopCause::Paused);
+        let is_over = !self.estopped && !is_for_good;
         if is_healthy && is_over && braking.motion(now).is_zero() {
             if self.report.cause == StopCause::Silence {
                 self.rearms.note(now);

@@ -29,6 +29,7 @@ pub mod clock;
 pub mod config;
 pub mod deadman;
 mod error;
+mod estop;
 mod figures;
 pub mod launch;
 pub mod log;
@@ -41,11 +42,15 @@ mod port;
 mod session;
 pub mod signal;
 mod wake;
+mod wheels;
 mod window;
 
-pub use arguments::{Arguments, PARENT, Settings, die_with_parent, exit_code, main, start};
+pub use arguments::{
+    Arguments, PARENT, SUPERVISOR, Settings, die_with_parent, epoch_of, exit_code, main, start,
+};
 pub use clock::Clock;
 pub use error::{Error, Result};
+pub use estop::EmergencyStop;
 pub use figures::{Gauge, Latency};
 pub use managed::{Node, Tick, run_with};
 pub use namespace::{Namespace, SharedMemory, Swept};
@@ -53,4 +58,5 @@ pub use notify::{Notifier, watchdog_period};
 pub use port::{Publisher, Sample, Subscriber};
 pub use session::{Held, Session};
 pub use wake::Wait;
+pub use wheels::{Heard, Wheels};
 pub use window::{Lookup, Window};

@@ -10,6 +10,9 @@ use interfaces::{
     Transition, TransitionEvent,
 };
 
+use rustix::process::{Pid, getppid};
+
+use crate::arguments;
 use crate::figures::Figures;
 use crate::port::Port;
 use crate::wake::Waiter;
@@ -68,6 +71,7 @@ pub struct Node<'a> {
     ping_period: Option<Duration>,
     ping_due: Stamp,
     told: Told,
+    supervisor: Option<Pid>,
 }
 
 /// What whoever started this node has been told about it, beside its states.
@@ -160,6 +164,7 @@ impl<'a> Node<'a> {
             ping_period: watchdog_period().filter(|_| settings.heeds_signals()),
             ping_due: Stamp::ZERO,
             told: Told::default(),
+            supervisor: arguments::supervisor(),
         })
     }
 
@@ -253,6 +258,11 @@ impl<'a> Node<'a> {
         self.notifier.extend_timeout(more);
     }
 
+    /// Wakes whoever started this node: there is something on a topic that it reads.
+    pub(crate) fn hint(&self, name: &str) {
+        self.notifier.hint(name, "1");
+    }
+
     /// Says that there is nothing left to do: the run may end, well or ill, because of `why`.
     pub fn finish(&mut self, outcome: Outcome, why: &str) -> Result<()> {
         self.report.outcome = outcome as u8;
@@ -274,6 +284,12 @@ impl<'a> Node<'a> {
     pub fn leaving(&mut self) -> Result<bool> {
         self.take_request(clock::now())?;
         Ok(self.pending.is_some())
+    }
+
+    /// Whether the supervisor that started this node to drive the wheels is gone. The node is asked
+    /// to end then, too.
+    pub fn has_lost_supervisor(&self) -> bool {
+        self.supervisor.is_some_and(|supervisor| getppid() != Some(supervisor))
     }
 
     /// Waits for the next turn: a sample, a period, or a moment that passed without either. `None`

@@ -11,7 +11,7 @@ use iceoryx2::prelude::{Config, FilePath, SemanticString};
 use rustix::fs::FallocateFlags;
 
 use crate::launch::Launch;
-use crate::{Error, Result, clock, memory};
+use crate::{EmergencyStop, Error, Result, clock, memory};
 
 /// The transport's version, part of every name: two versions must never meet.
 const TRANSPORT: &str = "0100";
@@ -81,7 +81,9 @@ impl Namespace {
     pub fn all_under(runtime: &Path) -> Vec<Self> {
         let entries = fs::read_dir(runtime).into_iter().flatten().flatten();
         let is_robot = |directory: &PathBuf| {
-            [LOCK, TRANSPORT_CONFIG].iter().any(|name| directory.join(name).is_file())
+            [LOCK, TRANSPORT_CONFIG, EmergencyStop::FILE]
+                .iter()
+                .any(|name| directory.join(name).is_file())
         };
         let mut directories: Vec<_> = entries.map(|entry| entry.path()).filter(is_robot).collect();
         directories.sort();
@@ -185,7 +187,7 @@ impl Namespace {
         let mut left = self.remove_segments();
         left.extend(
             entries
-                .filter(|entry| entry.file_name() != LOCK)
+                .filter(|entry| entry.file_name() != LOCK && !is_latch(entry))
                 .map(|entry| entry.path())
                 .filter(|path| fs::remove_dir_all(path).is_err() && fs::remove_file(path).is_err()),
         );
@@ -195,10 +197,10 @@ impl Namespace {
     /// Removes every file of the robot. Only for one who holds the lock while nothing of the run
     /// lives. Returns what could not be removed.
     pub fn remove(&self) -> Vec<PathBuf> {
-        let mut left = self.remove_segments();
-        if fs::remove_dir_all(&self.directory).is_err() && self.directory.exists() {
-            left.push(self.directory.clone());
-        }
+        let left = self.clear();
+        let _ = fs::remove_file(self.lock());
+        // It stays with an emergency stop, which outlives the run, or where the next run has begun.
+        let _ = fs::remove_dir(&self.directory);
         // The directory above goes too, unless another robot lives there.
         if let Some(runtime) = self.directory.parent() {
             let _ = fs::remove_dir(runtime);
@@ -339,6 +341,11 @@ impl Namespace {
     fn remove_segments(&self) -> Vec<PathBuf> {
         self.segments().filter(|path| fs::remove_file(path).is_err()).collect()
     }
+}
+
+/// Of the robot's files, the one that outlives the run.
+fn is_latch(entry: &fs::DirEntry) -> bool {
+    entry.file_name() == EmergencyStop::FILE
 }
 
 impl Swept {

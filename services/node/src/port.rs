@@ -7,7 +7,7 @@ use std::rc::Rc;
 
 use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::prelude::{CallbackProgression, PortFactory as _, ipc};
-use interfaces::{Message, PortStatus, Text};
+use interfaces::{Loss, Message, PortStatus, Text};
 use xxhash_rust::xxh3::Xxh3;
 
 use crate::session::Service;
@@ -19,7 +19,7 @@ pub(crate) trait Port {
     /// Its counters.
     fn status(&self) -> PortStatus;
 
-    /// Drops what is queued, and counts it as unread.
+    /// Drops what is queued, unless it is latched, and counts it as unread.
     fn drain(&self) -> Result<()>;
 
     /// Whether a topic that it publishes has carried something.
@@ -164,6 +164,7 @@ pub struct Subscriber<T: Message> {
 /// A reader's port, and what came through it so far.
 struct Received<T: Message> {
     topic: String,
+    loss: Loss,
     port: iceoryx2::port::subscriber::Subscriber<ipc::Service, T, ()>,
     /// Held, so that the topic stays while the reader does.
     _service: Service<T>,
@@ -178,11 +179,13 @@ struct Received<T: Message> {
 impl<T: Message> Subscriber<T> {
     pub(crate) fn new(
         topic: String,
+        loss: Loss,
         service: Service<T>,
         port: iceoryx2::port::subscriber::Subscriber<ipc::Service, T, ()>,
     ) -> Self {
         let state = Received {
             topic,
+            loss,
             port,
             _service: service,
             epoch: Cell::new(0),
@@ -268,6 +271,10 @@ impl<T: Message> Port for Received<T> {
     }
 
     fn drain(&self) -> Result<()> {
+        if self.loss == Loss::Latched {
+            // How things stand is worth knowing however long ago they came to stand so.
+            return Ok(());
+        }
         while self.next()?.is_some() {
             self.unread.set(self.unread.get() + 1);
         }

@@ -153,7 +153,7 @@ impl Session {
             .history_request(history)
             .create()
             .map_err(|cause| Error::shared_memory(format!("read topic '{name}'"), cause))?;
-        Ok(Subscriber::new(name, service, port))
+        Ok(Subscriber::new(name, topic.loss, service, port))
     }
 
     /// Opens `topic` without a port and holds it open: for the one process that outlives the rest.
@@ -190,7 +190,8 @@ impl Session {
     }
 
     fn is_lossless<T: Message>(&self, topic: &Topic<T>) -> bool {
-        self.clock == Clock::Lockstep && topic.scope == Scope::Robot
+        let is_stream = topic.scope == Scope::Robot && topic.loss == Loss::KeepNewest;
+        self.clock == Clock::Lockstep && is_stream
     }
 
     /// The channel on which others wake `owner`.

@@ -4,6 +4,7 @@ use std::fmt;
 
 use interfaces::BEAMS_MAX;
 use node::config::{FileName, Parameters, Report};
+use node::deadman;
 use serde::Deserialize;
 
 use crate::{Noise, WheelLimit};
@@ -19,8 +20,11 @@ pub struct Config {
     /// [-] What everything random is derived from: the launch file's.
     #[serde(skip)]
     pub seed: u64,
-    /// [s] One step.
+    /// [s] Between two measurements.
     pub dt_s: f64,
+    /// [-] Steps of the world between two measurements: one, unless the world moves by itself.
+    #[serde(skip)]
+    pub substeps: u32,
     /// [m] Radius of a wheel.
     pub wheel_radius_m: f64,
     /// [m] Between the two wheels.
@@ -43,6 +47,8 @@ pub struct Config {
     pub stop_at_collision: bool,
     /// [-] Whether the robot reports its pose instead of its wheels.
     pub reports_pose: bool,
+    /// Which commands may drive the wheels, and what stops them.
+    pub deadman: deadman::Config,
     /// What goes wrong on purpose.
     pub faults: Faults,
 }
@@ -80,6 +86,7 @@ impl Default for Config {
             start: "outer".into(),
             seed: 1,
             dt_s: 0.05,
+            substeps: 1,
             wheel_radius_m: 0.033,
             track_m: 0.160,
             wheel_limit: WheelLimit::Hold,
@@ -91,6 +98,7 @@ impl Default for Config {
             heading_tolerance_rad: 10_f64.to_radians(),
             stop_at_collision: true,
             reports_pose: false,
+            deadman: deadman::Config::default(),
             faults: Faults::default(),
         }
     }
@@ -113,6 +121,7 @@ impl Parameters for Config {
         if let Err(error) = self.validate() {
             report.refuse(error.key(), error.to_string(), "leave it out for the lab's value");
         }
+        self.deadman.check("deadman", report);
     }
 }
 

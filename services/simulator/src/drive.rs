@@ -31,14 +31,15 @@ pub(crate) struct Drive {
     speed: [f64; 2],
     angle: [f64; 2],
     ticks: [i64; 2],
-    ticks_before: [i64; 2],
+    ticks_told: [i64; 2],
+    steps: u32,
     limited: u64,
 }
 
 impl Drive {
     pub(crate) fn new(config: &Config) -> Self {
         Self {
-            dt: config.dt_s,
+            dt: config.dt_s / f64::from(config.substeps),
             wheel_radius: config.wheel_radius_m,
             track: config.track_m,
             limit: config.wheel_limit,
@@ -46,7 +47,8 @@ impl Drive {
             speed: [0.0; 2],
             angle: [0.0; 2],
             ticks: [0; 2],
-            ticks_before: [0; 2],
+            ticks_told: [0; 2],
+            steps: 0,
             limited: 0,
         }
     }
@@ -73,11 +75,11 @@ impl Drive {
         }
     }
 
-    /// Turns the wheels for one period: how far the axle's middle gets [m] and turns [rad], if
+    /// Turns the wheels for one step: how far the axle's middle gets [m] and turns [rad], if
     /// nothing is in the way.
     pub(crate) fn advance(&mut self) -> (f64, f64) {
         let turned = self.speed.map(|speed| speed * self.dt);
-        self.ticks_before = self.ticks;
+        self.steps += 1;
         for side in [LEFT, RIGHT] {
             self.angle[side] += turned[side];
             self.ticks[side] = ticks(self.angle[side]);
@@ -87,14 +89,18 @@ impl Drive {
         (distance, turn)
     }
 
-    /// Reads the encoders: everything is whole ticks, and the speed is what they counted.
-    pub(crate) fn fill(&self, joint_state: &mut JointState) {
+    /// Reads the encoders: everything is whole ticks, and the speed is what they counted since they
+    /// were read before.
+    pub(crate) fn fill(&mut self, joint_state: &mut JointState) {
+        let time = self.dt * f64::from(self.steps.max(1));
         for side in [LEFT, RIGHT] {
-            let increment = radians(self.ticks[side] - self.ticks_before[side]);
+            let increment = radians(self.ticks[side] - self.ticks_told[side]);
             joint_state.position[side] = radians(self.ticks[side]);
             joint_state.increment[side] = increment;
-            joint_state.velocity[side] = increment / self.dt;
+            joint_state.velocity[side] = increment / time;
         }
+        self.ticks_told = self.ticks;
+        self.steps = 0;
     }
 
     pub(crate) fn limited(&self) -> u64 {

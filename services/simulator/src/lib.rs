@@ -64,7 +64,7 @@ impl Simulator {
 
         let world_from_base = start.world_from_base();
         Ok(Self {
-            dt: config.dt_s,
+            dt: config.dt_s / f64::from(config.substeps),
             goal: config.goal_m,
             position_tolerance: config.position_tolerance_m,
             heading_tolerance: config.heading_tolerance_rad,
@@ -80,7 +80,7 @@ impl Simulator {
         })
     }
 
-    /// Drives for one period.
+    /// Drives for one step.
     ///
     /// `linear` [m/s] and `angular` [rad/s] are what the wheels shall do; the wheel limit decides
     /// what they do. Where a wall is in the way the robot stops at contact, heading included, and
@@ -99,8 +99,8 @@ impl Simulator {
         self.progress.visit(self.world_from_base.translation.vector.into());
     }
 
-    /// Reads the encoders, whose increments are those of the last step.
-    pub fn fill_joint_state(&self, joint_state: &mut JointState) {
+    /// Reads the encoders, whose increments are those since they were read before.
+    pub fn fill_joint_state(&mut self, joint_state: &mut JointState) {
         joint_state.header.stamp = self.time();
         self.drive.fill(joint_state);
     }
@@ -140,7 +140,7 @@ impl Simulator {
         Stamp::from_nanoseconds(nanoseconds as u64)
     }
 
-    /// [-] Periods driven so far.
+    /// [-] Steps driven so far.
     pub fn steps(&self) -> u64 {
         self.steps
     }

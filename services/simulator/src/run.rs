@@ -2,11 +2,12 @@
 
 use std::time::Duration;
 
-use interfaces::topics::{JOINT_STATES, POSE, ROBOT_POSE, SCAN, VELOCITY_COMMAND};
-use interfaces::{JointState, LaserScan, Outcome, Pose, Stamp, VelocityCommand};
+use interfaces::topics::{JOINT_STATES, POSE, ROBOT_POSE, SCAN};
+use interfaces::{JointState, LaserScan, Outcome, Pose, Stamp};
 use node::config::{self, Layers, Place};
+use node::deadman::Motion;
 use node::launch::Until;
-use node::{Clock, Error, Gauge, Latency, Node, Publisher, Result, Settings, Subscriber};
+use node::{Clock, Error, Gauge, Latency, Node, Publisher, Result, Settings, Subscriber, Wheels};
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
@@ -22,7 +23,7 @@ pub fn run(node: &mut Node<'_>) -> Result {
     let robot = Robot::new(node, simulator, &config)?;
     match node.clock() {
         Clock::Lockstep => lockstep(node, robot),
-        Clock::Realtime => realtime(node, robot, Duration::from_secs_f64(config.dt_s)),
+        Clock::Realtime => realtime(node, robot, &config),
     }
 }
 
@@ -34,6 +35,9 @@ pub fn check(settings: &Settings) -> Result {
 fn load(settings: &Settings) -> Result<(Config, Simulator)> {
     let mut config: Config = settings.parameters()?;
     config.seed = settings.launch().seed;
+    if settings.clock() == Clock::Realtime {
+        config.substeps = substeps(config.dt_s);
+    }
     if settings.clock() == Clock::Lockstep && config.faults != Faults::default() {
         let message = "would stall a robot in lock-step for good";
         let help = "run it in real time (--clock realtime)";
@@ -42,6 +46,16 @@ fn load(settings: &Settings) -> Result<(Config, Simulator)> {
     let world: World = Layers::new().named(&config.world).parse()?;
     let simulator = Simulator::new(&config, &world).map_err(|error| misfit(&config, &error))?;
     Ok((config, simulator))
+}
+
+/// In real time the wheels are driven at least this often, whatever the measurements' period.
+const STEP_MAX: Duration = Duration::from_millis(10);
+
+/// [-] The fewest equal steps of a period that are short enough.
+fn substeps(dt: f64) -> u32 {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "whole")]
+    let steps = (dt / STEP_MAX.as_secs_f64() - 1e-9).ceil().max(1.0) as u32;
+    steps
 }
 
 /// The world and the configuration do not fit each other.
@@ -58,15 +72,20 @@ fn misfit(config: &Config, error: &crate::Error) -> Error {
 fn lockstep(node: &mut Node<'_>, mut robot: Robot) -> Result {
     while let Some(tick) = node.tick()? {
         if tick.activated {
+            robot.wheels.restart();
             robot.report_rest(None)?;
             // A first step at rest sets the loop going.
-            robot.step(0.0, 0.0);
+            robot.step(Motion::ZERO);
             robot.sense(None, tick.now)?;
             node.hold();
         }
-        while let Some(command) = robot.commands.receive()? {
-            robot.age.record(tick.now.since(robot.sensed));
-            robot.step(command.linear, command.angular);
+        robot.wheels.attend(node, tick.now, robot.simulator.time())?;
+        while let Some((_, verdict)) = robot.wheels.hear(robot.simulator.time())? {
+            if verdict.is_ok() {
+                robot.age.record(tick.now.since(robot.sensed));
+            }
+            let motion = robot.wheels.motion(robot.simulator.time())?;
+            robot.step(motion);
             // Everything sent so far has come to its reader: the one moment at which to pause.
             node.release();
             if robot.finish_if_ended(node)? || node.leaving()? {
@@ -83,33 +102,83 @@ fn lockstep(node: &mut Node<'_>, mut robot: Robot) -> Result {
     Ok(())
 }
 
-/// The world moves on by itself, with the newest command as long as that is fresh.
-fn realtime(node: &mut Node<'_>, mut robot: Robot, dt: Duration) -> Result {
-    node.set_period(dt);
-    let mut newest: Option<(Stamp, VelocityCommand)> = None;
+/// The world moves on by itself, as the dead-man lets the newest command move it.
+fn realtime(node: &mut Node<'_>, mut robot: Robot, config: &Config) -> Result {
+    let mut pace = Pace::new(config);
+    node.set_period(pace.step);
     while let Some(tick) = node.tick()? {
         if tick.activated {
-            newest = None;
+            robot.wheels.restart();
             robot.report_rest(Some(tick.now))?;
+            pace.start(tick.now);
         }
-        while let Some(command) = robot.commands.receive()? {
-            robot.age.record(tick.now.since(command.header.stamp));
-            newest = Some((tick.now, *command));
+        robot.wheels.attend(node, tick.now, tick.now)?;
+        while let Some((command, verdict)) = robot.wheels.hear(tick.now)? {
+            if verdict.is_ok() {
+                robot.age.record(tick.now.since(command.header.stamp));
+            }
         }
-        if !tick.due || robot.has_ended {
+        // Whoever lets go of the wheels stops them first.
+        let motion = robot.wheels.motion(tick.now)?;
+        if robot.has_ended || robot.wheels.is_at_rest(tick.now) {
+            node.release();
+        } else {
+            node.hold();
+        }
+        if robot.has_ended {
             continue;
         }
-        // Whoever drives the wheels stops them where commands cease: their sender may be dead.
-        let fresh =
-            newest.filter(|(received, _)| tick.now.since(*received) <= VELOCITY_COMMAND.deadline);
-        let (linear, angular) =
-            fresh.map_or((0.0, 0.0), |(_, command)| (command.linear, command.angular));
-        robot.step(linear, angular);
-        if !robot.finish_if_ended(node)? {
+        for _ in 0..pace.steps_until(tick.now) {
+            robot.step(motion);
+        }
+        if !robot.finish_if_ended(node)? && pace.is_time_to_sense() {
             robot.sense(Some(tick.now), tick.now)?;
         }
     }
     Ok(())
+}
+
+/// How many steps the world is behind the clock, and when it is time to measure.
+struct Pace {
+    step: Duration,
+    substeps: u32,
+    due: Stamp,
+    unsensed: u32,
+}
+
+impl Pace {
+    fn new(config: &Config) -> Self {
+        let step = Duration::from_secs_f64(config.dt_s / f64::from(config.substeps));
+        Self { step, substeps: config.substeps, due: Stamp::ZERO, unsensed: 0 }
+    }
+
+    fn start(&mut self, now: Stamp) {
+        self.due = now;
+        // The first turn measures.
+        self.unsensed = self.substeps - 1;
+    }
+
+    /// What a busy machine held up is caught up with; where this process was stopped, the world was.
+    fn steps_until(&mut self, now: Stamp) -> u32 {
+        let mut steps = 0;
+        while self.due <= now && steps < 2 * self.substeps {
+            self.due = self.due.after(self.step);
+            steps += 1;
+        }
+        if self.due <= now {
+            self.due = now.after(self.step);
+        }
+        self.unsensed += steps;
+        steps
+    }
+
+    fn is_time_to_sense(&mut self) -> bool {
+        let is_time = self.substeps <= self.unsensed;
+        if is_time {
+            self.unsensed %= self.substeps;
+        }
+        is_time
+    }
 }
 
 /// The simulated robot with its wires.
@@ -123,7 +192,7 @@ struct Robot {
     joint_states: Option<Publisher<JointState>>,
     poses: Option<Publisher<Pose>>,
     scans: Publisher<LaserScan>,
-    commands: Subscriber<VelocityCommand>,
+    wheels: Wheels,
     estimates: Subscriber<Pose>,
     was_localized: bool,
     faults: FaultyScans,
@@ -152,7 +221,7 @@ impl Robot {
             joint_states,
             poses,
             scans: node.publish(&SCAN)?,
-            commands: node.subscribe(&VELOCITY_COMMAND)?,
+            wheels: Wheels::new(node, &config.deadman)?,
             estimates: node.subscribe_quietly(&POSE)?,
             was_localized: false,
             faults: FaultyScans::new(config),
@@ -161,10 +230,10 @@ impl Robot {
         })
     }
 
-    /// One period of driving; the estimated pose is compared before, as the lab does.
-    fn step(&mut self, linear: f64, angular: f64) {
+    /// One step of driving; the estimated pose is compared before, as the lab does.
+    fn step(&mut self, motion: Motion) {
         self.check_estimate();
-        self.simulator.step(linear, angular);
+        self.simulator.step(motion.linear, motion.angular);
         self.gauges.set(&self.simulator);
     }
 

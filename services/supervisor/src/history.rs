@@ -40,8 +40,31 @@ impl History {
 
     /// Takes in what people are told; `cause` is why a node failed, with all that is known.
     pub(crate) fn add(&mut self, told: &Told, at: Stamp, wall: SystemTime) -> &Happening {
-        let (kind, node, epoch) = Self::subject(told);
-        let text = self.sentence(told);
+        let mut details = Map::new();
+        self.details(told, &mut details);
+        self.push(Self::subject(told), self.sentence(told), details, at, wall)
+    }
+
+    /// Takes in a change of the robot's permission to move.
+    pub(crate) fn add_motion(
+        &mut self,
+        text: String,
+        details: Value,
+        at: Stamp,
+        wall: SystemTime,
+    ) -> &Happening {
+        let details = Map::from_iter([("motion".to_owned(), details)]);
+        self.push(("motion", None, None), text, details, at, wall)
+    }
+
+    fn push(
+        &mut self,
+        (kind, node, epoch): (&'static str, Option<usize>, Option<u32>),
+        text: String,
+        details: Map<String, Value>,
+        at: Stamp,
+        wall: SystemTime,
+    ) -> &Happening {
         let mut json = Map::new();
         json.insert("monotonic_s".into(), json!(at.seconds()));
         json.insert("wall".into(), json!(humantime::format_rfc3339_millis(wall).to_string()));
@@ -49,7 +72,7 @@ impl History {
         json.insert("epoch".into(), json!(epoch));
         json.insert("kind".into(), json!(kind));
         json.insert("text".into(), json!(text));
-        self.details(told, &mut json);
+        json.extend(details);
         if self.happenings.len() == LENGTH_MAX {
             self.happenings.pop_front();
         }

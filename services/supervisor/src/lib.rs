@@ -19,6 +19,7 @@ mod launcher;
 mod log_book;
 mod machine;
 mod member;
+mod motion;
 mod notify;
 mod options;
 mod outlet;

@@ -20,6 +20,8 @@ struct Topic {
     publisher: String,
     sent: u64,
     digest: u64,
+    /// Whether it is sent by occasion: who comes late is told the newest only.
+    on_event: bool,
     readers: Vec<Reader>,
 }
 
@@ -36,8 +38,8 @@ struct Reader {
 impl Topic {
     /// Whether everything that was sent is accounted for by every reader.
     fn is_closed(&self) -> bool {
-        self.readers
-            .iter()
+        let mut readers = self.readers.iter().filter(|_| !self.on_event);
+        readers
             .all(|reader| reader.received + reader.lost + reader.unread + reader.stale == self.sent)
     }
 
@@ -285,7 +287,7 @@ impl Report {
         for (name, _) in self.nodes.iter().filter(|(name, _)| name != PAIRING) {
             let figures: Vec<_> = self
                 .node(name)
-                .filter(|(key, _)| !told(key))
+                .filter(|(key, figure)| !told(key) && !is_idle(key, *figure))
                 .map(|(key, figure)| figure_text(key, figure))
                 .collect();
             if !figures.is_empty() {
@@ -355,6 +357,7 @@ fn topics(members: &[Member]) -> BTreeMap<String, Topic> {
                 topic.publisher.clone_from(&member.name);
                 topic.sent = port.samples;
                 topic.digest = port.digest;
+                topic.on_event = port.on_event == 1;
             } else {
                 topic.readers.push(Reader {
                     name: member.name.clone(),
@@ -389,6 +392,7 @@ fn topic_json(topic: &Topic) -> Value {
         "received": topic.received(),
         "lost": topic.lost(),
         "unread": topic.unread(),
+        "on_event": topic.on_event,
         "digest": format!("{:016x}", topic.digest),
         "readers": readers,
     })
@@ -401,6 +405,11 @@ fn figures(member: &Member) -> (String, Map<String, Value>) {
 }
 
 /// `distance_m`, 12.04 as `distance 12.040 m`.
+/// What is worth a word only where it has happened.
+fn is_idle(key: &str, figure: f64) -> bool {
+    figure == 0.0 && (key.starts_with("commands_refused_") || key == "dead_man_trips")
+}
+
 fn figure_text(key: &str, value: f64) -> String {
     let (name, unit) = match key.rsplit_once('_') {
         Some((name, unit)) if UNITS.contains(&unit) => (name, unit),

@@ -46,6 +46,11 @@ impl Screen {
         if !is_worth_a_line(told) {
             return;
         }
+        self.tell_line(now, name, text);
+    }
+
+    /// One line about the node called `name`, or about the robot.
+    pub(crate) fn tell_line(&mut self, now: Stamp, name: Option<&str>, text: &str) {
         let elapsed = now.since(self.started).as_secs_f64();
         let name = name.unwrap_or("robot");
         self.clear();

@@ -26,6 +26,10 @@ pub struct ExecOptions {
     #[arg(long)]
     parent: i32,
 
+    /// It is asked to end when that one is gone, rather than killed
+    #[arg(long)]
+    drives: bool,
+
     /// The processors it may run on
     #[arg(long, value_delimiter = ',')]
     cpus: Vec<usize>,
@@ -51,7 +55,8 @@ pub(crate) fn exec(options: &ExecOptions) -> ExitCode {
 /// The kernel ends this process with its supervisor: told first, looked after second, so that there
 /// is no moment between. It outlasts the exec.
 fn prepare(options: &ExecOptions) -> Result<(), String> {
-    rustix::process::set_parent_process_death_signal(Some(Signal::KILL))
+    let signal = if options.drives { Signal::TERM } else { Signal::KILL };
+    rustix::process::set_parent_process_death_signal(Some(signal))
         .map_err(|cause| format!("cannot be tied to the supervisor: {cause}"))?;
     if rustix::process::getppid() != Pid::from_raw(options.parent) {
         return Err("the supervisor is gone already".to_owned());
@@ -73,6 +78,11 @@ fn prepare(options: &ExecOptions) -> Result<(), String> {
 pub(crate) fn command(process: &Process, program: &Path, arguments: &[String]) -> Command {
     let mut command = Command::new(own_path());
     command.arg(VERB).arg(format!("--parent={}", std::process::id()));
+    if process.drives {
+        command.arg("--drives").env(node::SUPERVISOR, std::process::id().to_string());
+    } else {
+        command.env_remove(node::SUPERVISOR);
+    }
     if !process.cpu_affinity.is_empty() {
         let cpus: Vec<_> = process.cpu_affinity.iter().map(usize::to_string).collect();
         command.arg(format!("--cpus={}", cpus.join(",")));

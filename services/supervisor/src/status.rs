@@ -44,6 +44,7 @@ pub(crate) fn status(supervisor: &Supervisor<'_>) -> Value {
             "dropped": supervisor.log_book.dropped(),
             "disk": supervisor.log_book.disk_errors().map(|(count, why)| format!("{count} lines lost: {why}")),
         },
+        "motion": supervisor.motion.status(),
         "nodes": nodes,
     })
 }

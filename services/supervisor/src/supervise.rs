@@ -4,7 +4,8 @@ use std::collections::VecDeque;
 use std::time::Duration;
 
 use interfaces::topics::{
-    JOINT_STATES, ODOMETRY, POSE, ROBOT_POSE, SCAN, SENSOR_PAIR, VELOCITY_COMMAND,
+    JOINT_STATES, MOTION_REQUEST, MOTION_STATE, ODOMETRY, POSE, ROBOT_POSE, SCAN, SENSOR_PAIR,
+    VELOCITY_COMMAND,
 };
 use interfaces::{Stamp, State, Transition};
 use node::{Held, Namespace, Notifier, Result, Session, Settings, clock, signal};
@@ -18,6 +19,7 @@ use crate::launcher::Launcher;
 use crate::log_book::{Line, LogBook};
 use crate::machine::{Action, Ask, Doing, Ending, Event, Machine, News, Told};
 use crate::member::Member;
+use crate::motion::Motion;
 use crate::notify::{Datagram, NotifySocket, Word};
 use crate::report::{self, Report};
 use crate::screen::Screen;
@@ -68,6 +70,7 @@ pub(crate) struct Supervisor<'a> {
     pub(crate) log_book: LogBook,
     pub(crate) notify: NotifySocket,
     pub(crate) desk: Desk,
+    pub(crate) motion: Motion,
     /// [-] The process that holds the lock with this one.
     pub(crate) guardian: u32,
     pub(crate) started: Stamp,
@@ -111,6 +114,7 @@ impl<'a> Supervisor<'a> {
             log_book: LogBook::new(names.clone(), options.log_dir.as_deref())?,
             notify: NotifySocket::bind(launcher.notify())?,
             desk: Desk::new(Control::bind(&namespace.directory().join("control"))?),
+            motion: Motion::new(&session)?,
             guardian: guardian::pid(),
             started: now,
             ready_after: None,
@@ -172,6 +176,7 @@ impl<'a> Supervisor<'a> {
             }
         }
         self.hear_signals();
+        self.hear_of_motion(now)?;
         for (client, request) in self.desk.requests(now) {
             let asked = self.answer(client, request);
             self.events.extend(asked.map(Event::Asked));
@@ -206,6 +211,15 @@ impl<'a> Supervisor<'a> {
             };
             self.events.push_back(Event::News { node, epoch: member.epoch, news });
         }
+    }
+
+    fn hear_of_motion(&mut self, now: Stamp) -> Result {
+        while let Some((text, details)) = self.motion.hear()? {
+            let happening = self.history.add_motion(text, details, now, clock::wall());
+            self.desk.tell(happening);
+            self.screen.tell_line(now, None, &happening.text);
+        }
+        Ok(())
     }
 
     /// Once: down in order. Twice: at once.
@@ -410,6 +424,8 @@ fn hold_topics(session: &Session, own: &str) -> Result<Vec<Held>> {
         session.hold(&SENSOR_PAIR, own)?,
         session.hold(&VELOCITY_COMMAND, own)?,
         session.hold(&POSE, own)?,
+        session.hold(&MOTION_STATE, own)?,
+        session.hold(&MOTION_REQUEST, own)?,
     ])
 }
 

@@ -23,11 +23,17 @@ pub(crate) fn inherit_orphans() {
     }
 }
 
+/// How long a process that drives the wheels may take to bring the robot to rest.
+const WAY_TO_REST: Duration = Duration::from_millis(150);
+
 /// Kills and reaps every child of this process, and whatever becomes one thereby, until there is
-/// none.
+/// none. What drives the wheels is given time to stop them.
 pub(crate) fn children() {
+    let begun = clock::now();
     loop {
-        own_children().into_iter().for_each(kill);
+        let is_patient = clock::now().since(begun) < WAY_TO_REST;
+        let is_spared = |pid: &Pid| is_patient && drives(*pid);
+        own_children().into_iter().filter(|pid| !is_spared(pid)).for_each(kill);
         match rustix::process::wait(WaitOptions::NOHANG) {
             Ok(Some(_)) => {}
             Ok(None) => clock::nap(POLL),
@@ -78,6 +84,12 @@ fn marked(directory: &Path) -> Vec<Pid> {
         .filter(|&pid: &u32| pid != std::process::id() && environment(pid).contains(&mark))
         .filter_map(|pid| Pid::from_raw(i32::try_from(pid).ok().filter(|&pid| 1 < pid)?))
         .collect()
+}
+
+/// Whether the process drives the wheels, and was told so when it was started.
+fn drives(pid: Pid) -> bool {
+    let environment = environment(pid.as_raw_nonzero().get().unsigned_abs());
+    environment.iter().any(|entry| entry.starts_with(node::SUPERVISOR.as_bytes()))
 }
 
 fn environment(pid: u32) -> Vec<Vec<u8>> {

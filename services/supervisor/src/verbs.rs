@@ -3,6 +3,7 @@
 mod connection;
 mod down;
 mod follow;
+mod motion;
 mod say;
 mod status;
 mod steer;
@@ -93,6 +94,25 @@ pub enum Verb {
         #[arg(long)]
         json: bool,
     },
+    /// Stop the robot at once and hold it, across restarts, until the stop is cleared; needs no
+    /// supervisor, and without a name stops every robot
+    Estop {
+        #[command(flatten)]
+        #[allow(missing_docs, reason = "the flattened options document themselves")]
+        robot: Which,
+        /// Release it: the robot moves again once commands come that begin with zero
+        #[arg(long)]
+        clear: bool,
+        /// Why, for whoever finds the robot stopped
+        #[arg(long, value_name = "TEXT", default_value = "teseo estop")]
+        reason: String,
+    },
+    /// Let a robot move again that stopped too often, or that was not armed since its start
+    Arm {
+        #[command(flatten)]
+        #[allow(missing_docs, reason = "the flattened options document themselves")]
+        robot: Which,
+    },
     /// Say why a node is in the state that it is in
     Why {
         #[command(flatten)]
@@ -150,6 +170,9 @@ impl Verb {
                 let (node, follow) = (node.clone(), *follow);
                 Feed::Events.show(robot.name(), &Request::Events { node, follow }, follow, *json)
             }
+            Self::Estop { robot, clear: true, .. } => motion::release(robot.name()),
+            Self::Estop { robot, clear: false, reason } => motion::stop(robot.name(), reason),
+            Self::Arm { robot } => motion::arm(robot.name()),
             Self::Restart { node } => node.steer(Goal::Restarted),
             Self::Stop { node } => node.steer(Goal::Stopped),
             Self::Start { node } => node.steer(Goal::Started),

@@ -67,6 +67,10 @@ pub struct Process {
     /// [ms] It is killed where its loop does not turn for this long.
     #[serde(default)]
     pub watchdog_ms: Option<u64>,
+    /// Whether it drives the wheels. Then it does not die with its supervisor, but is told, and has
+    /// 150 ms to bring the robot to rest.
+    #[serde(default)]
+    pub drives: bool,
     /// Variables of its environment, over the supervisor's own.
     #[serde(default)]
     pub environment: BTreeMap<String, String>,

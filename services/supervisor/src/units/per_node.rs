@@ -101,6 +101,7 @@ pub(super) fn files(robot: &Robot) -> Result<Vec<File>> {
 /// What the launch file does not call a process: under `teseo up` it is a part of the supervisor.
 fn pairing() -> Process {
     Process {
+        drives: false,
         name: PAIRING.to_owned(),
         exec: Vec::new(),
         kind: Kind::Lifecycle,

@@ -126,6 +126,20 @@ fn sentences(status: &Value) -> Vec<String> {
             size(memory["free"].as_f64().unwrap_or_default()),
         ),
     ];
+    if let Some(permission) = status["motion"]["permission"].as_str() {
+        let motion = &status["motion"];
+        let cause = match text(&motion["cause"]).as_str() {
+            "none" => String::new(),
+            cause => format!(": {cause}"),
+        };
+        let rejected = motion["rejected"].as_object().into_iter().flatten();
+        let rejected: u64 = rejected.filter_map(|(_, count)| count.as_u64()).sum();
+        let person = if motion["needs_person"] == true { "; teseo arm" } else { "" };
+        sentences.push(format!(
+            "motion: {permission}{cause}{person}; trips {}, commands refused {rejected}",
+            motion["trips"]
+        ));
+    }
     let ignored = |socket: &str| status["ignored"][socket].as_u64().unwrap_or_default();
     let (notify, control) = (ignored("notify"), ignored("control"));
     if 0 < notify + control {

@@ -1,0 +1,139 @@
+//! The wires of a dead-man: what every node that drives wheels hears, asks and tells.
+
+use std::time::Duration;
+
+use interfaces::topics::{MOTION_REQUEST, MOTION_STATE, VELOCITY_COMMAND};
+use interfaces::{MotionRequest, MotionState, Stamp, VelocityCommand};
+
+use crate::deadman::{Config, DeadMan, Motion, Rejection};
+use crate::{EmergencyStop, Gauge, Node, Publisher, Result, Sample, Subscriber};
+
+/// The emergency stop is looked for this often: a fifth of what a stop may take.
+const LATCH_PERIOD: Duration = Duration::from_millis(10);
+
+/// Those who have come late are told this often.
+const GREETING_PERIOD: Duration = Duration::from_millis(100);
+
+/// A command, and what the dead-man says to it.
+pub type Heard = (Sample<VelocityCommand>, std::result::Result<(), Rejection>);
+
+/// What stands between commands and wheels.
+#[derive(Debug)]
+pub struct Wheels {
+    config: Config,
+    dead_man: DeadMan,
+    commands: Subscriber<VelocityCommand>,
+    requests: Subscriber<MotionRequest>,
+    state: Publisher<MotionState>,
+    told: u64,
+    /// Whether whoever started this node is yet to be woken for what was told.
+    has_news: bool,
+    latch: EmergencyStop,
+    latch_due: Stamp,
+    greeting_due: Stamp,
+    gauges: Gauges,
+}
+
+/// What the dead-man counts, for whoever looks at the node's status.
+#[derive(Debug)]
+struct Gauges {
+    trips: Gauge,
+    rejected: [Gauge; Rejection::ALL.len()],
+}
+
+impl Wheels {
+    /// Opens the topics of a robot at rest.
+    pub fn new(node: &mut Node<'_>, config: &Config) -> Result<Self> {
+        let rejected =
+            Rejection::ALL.map(|reason| node.gauge(&format!("commands_refused_{}", reason.key())));
+        Ok(Self {
+            config: *config,
+            dead_man: DeadMan::new(config),
+            commands: node.subscribe(&VELOCITY_COMMAND)?,
+            requests: node.subscribe(&MOTION_REQUEST)?,
+            state: node.publish_on_event(&MOTION_STATE)?,
+            told: 0,
+            has_news: false,
+            latch: EmergencyStop::of(&node.settings().namespace()?),
+            latch_due: Stamp::ZERO,
+            greeting_due: Stamp::ZERO,
+            gauges: Gauges { trips: node.gauge("dead_man_trips"), rejected },
+        })
+    }
+
+    /// The node was activated: nothing that was before counts.
+    pub fn restart(&mut self) {
+        self.dead_man = DeadMan::new(&self.config);
+        self.told = 0;
+    }
+
+    /// Looks at everything that may forbid motion or allow it again. `now` is the machine's time,
+    /// `time` the robot's: the same, but in lock-step.
+    pub fn attend(&mut self, node: &mut Node<'_>, now: Stamp, time: Stamp) -> Result {
+        if self.latch_due <= now {
+            self.latch_due = now.after(LATCH_PERIOD);
+            self.dead_man.set_emergency_stop(time, self.latch.is_latched());
+        }
+        while let Some(request) = self.requests.receive()? {
+            if request.arm == 1 {
+                self.dead_man.arm(time);
+            }
+        }
+        if node.has_lost_supervisor() {
+            self.dead_man.lose_supervisor(time);
+        } else if node.leaving()? {
+            self.dead_man.pause(time);
+        }
+        self.tell(time)?;
+        if std::mem::take(&mut self.has_news) {
+            node.hint("MOTION");
+        }
+        if self.greeting_due <= now {
+            self.greeting_due = now.after(GREETING_PERIOD);
+            self.state.greet()?;
+        }
+        Ok(())
+    }
+
+    /// The next command that was received, as the dead-man takes it.
+    pub fn hear(&mut self, time: Stamp) -> Result<Option<Heard>> {
+        let Some(command) = self.commands.receive()? else { return Ok(None) };
+        let verdict = self.dead_man.hear(time, &command);
+        if let Err(reason) = verdict {
+            let gauge = &self.gauges.rejected[reason as usize];
+            if gauge.get() == 0.0 {
+                tracing::warn!(%reason, ?command, "refused a command; from now on this is counted");
+            }
+            gauge.count();
+        }
+        self.tell(time)?;
+        Ok(Some((command, verdict)))
+    }
+
+    /// What the wheels shall do at `time`.
+    pub fn motion(&mut self, time: Stamp) -> Result<Motion> {
+        let motion = self.dead_man.motion(time);
+        self.tell(time)?;
+        Ok(motion)
+    }
+
+    /// Whether the wheels are held at zero.
+    pub fn is_at_rest(&self, time: Stamp) -> bool {
+        self.dead_man.is_at_rest(time)
+    }
+
+    fn tell(&mut self, time: Stamp) -> Result {
+        let changes = self.dead_man.changes();
+        if changes == self.told {
+            return Ok(());
+        }
+        self.told = changes;
+        self.has_news = true;
+        self.gauges.trips.set(self.dead_man.trips() as f64);
+        let dead_man = &self.dead_man;
+        self.state.send_with(|state| {
+            state.header.stamp = time;
+            dead_man.describe(time, state);
+        })
+    }
+}

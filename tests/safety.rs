@@ -1,0 +1,192 @@
+//! A robot that stops: whatever ceases, hangs or lies, the wheels stand still, and move again only
+//! when they may.
+
+use std::time::Duration;
+
+use interfaces::topics::{JOINT_STATES, MOTION_STATE};
+use interfaces::{MotionState, Permission, Stamp, StopCause};
+use node::{Session, Subscriber, clock};
+use rustix::process::Signal;
+use serde_json::Value;
+
+use crate::robot::{Robot, Run, alone, wait_until};
+
+/// The robot that restarts what dies.
+const LAB_ROBOT: &str = include_str!("../config/lab_robot.toml");
+
+/// The dead-man's default, and what a busy machine may add to it: in tests only what is order, not
+/// what is time, is held tight.
+const STOPPED_AFTER: (Duration, Duration) = (Duration::from_millis(200), Duration::from_secs(2));
+
+/// The robot that drives, never restarts anybody, and bears being stopped for long.
+fn driving(robot: &Robot) -> Run<'_> {
+    let file = robot.launch_file_from(
+        LAB_ROBOT,
+        &[("restart = \"on-failure\"\n", ""), ("watchdog_ms = 500\n", "")],
+    );
+    robot.start_up(&[&file]).await_count("READY", 1)
+}
+
+/// The robot that drives, and starts again what dies.
+fn enduring(robot: &Robot) -> Run<'_> {
+    let file = robot.launch_file_from(LAB_ROBOT, &[("seed = 1", "seed = 1")]);
+    robot.start_up(&[&file]).await_count("READY", 1)
+}
+
+fn motion(robot: &Robot) -> Value {
+    let ended = robot.start(&["status", "--json"]).wait();
+    serde_json::from_str::<Value>(&ended.out).unwrap_or_default()["motion"].clone()
+}
+
+/// One who watches the wheels.
+struct Witness {
+    states: Subscriber<MotionState>,
+    newest: MotionState,
+}
+
+impl Witness {
+    fn new(session: &Session) -> Self {
+        let states = session.subscriber(&MOTION_STATE).unwrap();
+        Self { states, newest: MotionState::default() }
+    }
+
+    /// The first state from now on that is this one.
+    fn await_state(&mut self, permission: Permission, cause: StopCause) -> MotionState {
+        let found = wait_until(Duration::from_secs(20), || {
+            while let Some(state) = self.states.receive().unwrap() {
+                self.newest = *state;
+                if state.permission == permission as u8 && state.cause == cause as u8 {
+                    return true;
+                }
+            }
+            false
+        });
+        assert!(found, "never {permission:?} for {cause:?}, but {:?}", self.newest);
+        self.newest
+    }
+}
+
+#[test]
+fn when_the_controller_dies_the_robot_stops_and_drives_on_without_hands() {
+    alone(|robot| {
+        let run = enduring(robot).go_on(Duration::from_millis(500));
+        let session = Session::join(&robot.namespace(), "witness", 1).unwrap();
+        let mut witness = Witness::new(&session);
+        witness.await_state(Permission::Armed, StopCause::None);
+        run.node("controller").signal(Signal::KILL);
+
+        let braking = witness.await_state(Permission::Braking, StopCause::Silence);
+        let silent = braking.header.stamp.since(braking.command_received);
+        let (least, most) = STOPPED_AFTER;
+        assert!(least <= silent && silent < most, "stopped after {silent:?}");
+        witness.await_state(Permission::Held, StopCause::Silence);
+        let armed = witness.await_state(Permission::Armed, StopCause::None);
+        assert_eq!((armed.trips, armed.command_epoch), (1, 2), "the new life drives");
+        run.await_output("armed: commands move the robot").stop();
+    });
+}
+
+#[test]
+fn when_the_controller_hangs_the_robot_stops_and_hears_the_old_life_no_more() {
+    alone(|robot| {
+        let run = driving(robot).go_on(Duration::from_millis(500));
+        let session = Session::join(&robot.namespace(), "witness", 1).unwrap();
+        let mut witness = Witness::new(&session);
+        let controller = run.node("controller");
+        controller.signal(Signal::STOP);
+        witness.await_state(Permission::Held, StopCause::Silence);
+
+        // It wakes up with full queues, and goes on where it was: with a speed.
+        controller.signal(Signal::CONT);
+        witness.await_state(Permission::Armed, StopCause::None);
+        run.stop();
+    });
+}
+
+#[test]
+fn who_trips_too_often_waits_for_a_person() {
+    alone(|robot| {
+        let run = driving(robot);
+        let session = Session::join(&robot.namespace(), "witness", 1).unwrap();
+        let mut witness = Witness::new(&session);
+        let controller = run.node("controller");
+        for trip in 1..=4 {
+            witness.await_state(Permission::Armed, StopCause::None);
+            controller.signal(Signal::STOP);
+            let held = witness.await_state(Permission::Held, StopCause::Silence);
+            assert_eq!(held.needs_person, u8::from(trip == 4), "at trip {trip}");
+            controller.signal(Signal::CONT);
+        }
+        let run = run.go_on(Duration::from_secs(1));
+        assert_eq!(motion(robot)["permission"], "held");
+
+        let armed = robot.start(&["arm"]).wait();
+        armed.assert_code(0);
+        witness.await_state(Permission::Armed, StopCause::None);
+        run.stop();
+    });
+}
+
+#[test]
+fn the_emergency_stop_needs_no_supervisor_and_outlives_the_run() {
+    alone(|robot| {
+        let run = driving(robot);
+        let session = Session::join(&robot.namespace(), "witness", 1).unwrap();
+        let mut witness = Witness::new(&session);
+        witness.await_state(Permission::Armed, StopCause::None);
+        let supervisor = run.supervisor();
+        supervisor.signal(Signal::STOP);
+        robot.start(&["estop", "--reason", "a cat"]).wait().assert_code(0);
+        let held = witness.await_state(Permission::Held, StopCause::EmergencyStop);
+        assert_eq!(held.emergency_stop, 1);
+        supervisor.signal(Signal::CONT);
+        drop((witness, session));
+        run.stop();
+
+        // The next run finds the robot as it was left.
+        let run = driving(robot).go_on(Duration::from_millis(300));
+        assert_eq!(motion(robot)["permission"], "held", "{}", run.output());
+        let clear = robot.start(&["estop", "--clear"]).wait();
+        clear.assert_code(0).assert_says(&["released", "a cat"]);
+        run.await_output("armed: commands move the robot").stop();
+    });
+}
+
+#[test]
+fn when_the_supervisor_dies_the_wheels_are_stopped_before_the_process_ends() {
+    alone(|robot| {
+        let run = driving(robot).go_on(Duration::from_millis(500));
+        let session = Session::join(&robot.namespace(), "witness", 1).unwrap();
+        let mut witness = Witness::new(&session);
+        witness.await_state(Permission::Armed, StopCause::None);
+        let killed = clock::now();
+        run.supervisor().signal(Signal::KILL);
+
+        let braking = witness.await_state(Permission::Braking, StopCause::SupervisorLost);
+        let held = witness.await_state(Permission::Held, StopCause::SupervisorLost);
+        assert!(killed <= braking.header.stamp && braking.header.stamp < held.header.stamp);
+        drop((witness, session));
+        assert_eq!(run.wait().code, 128 + 9);
+    });
+}
+
+#[test]
+fn a_robot_that_is_taken_down_stands_still_first() {
+    alone(|robot| {
+        let run = driving(robot).go_on(Duration::from_millis(500));
+        let session = Session::join(&robot.namespace(), "witness", 1).unwrap();
+        let mut witness = Witness::new(&session);
+        let mut joints = session.subscriber(&JOINT_STATES).unwrap();
+        witness.await_state(Permission::Armed, StopCause::None);
+        run.stop();
+
+        witness.await_state(Permission::Held, StopCause::Paused);
+        let mut speeds = Vec::<(Stamp, [f64; 2])>::new();
+        while let Some(joint) = joints.receive().unwrap() {
+            speeds.push((joint.header.stamp, joint.velocity));
+        }
+        let (_, last) = speeds.last().unwrap();
+        assert!(last.iter().all(|speed| speed.abs() < 4.0), "{last:?}: it drove into the end");
+        drop((witness, joints, session));
+    });
+}
