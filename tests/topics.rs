@@ -43,7 +43,7 @@ fn a_second_controller_is_refused_and_the_robot_drives_on() {
     let intruder = ["controller", "--name", "intruder", "--autostart", "--set", "clock=realtime"];
     let refused = robot.start(&intruder).wait();
     assert_ne!(refused.code, 0, "{}", refused.story());
-    refused.assert_says(&["'cmd_vel' already has its one publisher (controller)"]);
+    refused.assert_says(&["'cmd_vel' already has its one publisher (controller or multiplexer)"]);
 
     let ended = run.go_on(Duration::from_millis(300)).stop();
     ended.assert_counters_close();
