@@ -248,7 +248,8 @@ impl<T: Message> Received<T> {
                 self.lost.set(self.lost.get() + gap);
             }
             self.epoch.set(header.epoch);
-            self.next_sequence.set(header.sequence + 1);
+            // Another process wrote the number.
+            self.next_sequence.set(header.sequence.saturating_add(1));
             return Ok(Some(Sample(sample)));
         }
     }
