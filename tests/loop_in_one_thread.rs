@@ -108,7 +108,7 @@ fn drive(profile: &str, start: &str, noise: Noise, beams: usize, seed: u64) -> D
         simulator.sense(&mut scan);
         advance(&mut odometry, &joint_state, &config);
 
-        let command = controller.update(&scan, &odometry);
+        let command = controller.update(&scan, &odometry).unwrap();
         (linear, angular) = (command.linear, command.angular);
         assert_ne!(controller.activity(), Activity::Blind, "SEED={seed}");
 

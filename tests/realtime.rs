@@ -59,6 +59,33 @@ fn the_lab_s_robot_sends_its_commands_by_a_timer() {
     assert!(0.05 < ended.figure("simulator", "distance_m"), "{}", ended.story());
 }
 
+#[test]
+fn the_robot_is_not_driven_by_old_scans() {
+    let robot = Robot::new();
+    let late = "simulator.faults.scan_jitter_s=20";
+    let ended = robot.up(&["--clock", "realtime", "--for", "3", "--set", late]);
+
+    ended.assert_code(0).assert_counters_close();
+    let pairs = ended.figure("pairing", "pairs");
+    let old = ended.figure("controller", "unfit_old");
+    // One of 40 is younger than half a second.
+    assert!(0.5 * pairs < old, "{old} of {pairs}\n{}", ended.story());
+    let commands = ended.topics()["cmd_vel"]["sent"].as_f64().unwrap();
+    assert!(commands <= pairs - old, "{commands} commands\n{}", ended.story());
+}
+
+#[test]
+fn in_lock_step_an_unfit_scan_is_answered_with_a_command_to_stand() {
+    let robot = Robot::new();
+    let ended = robot.up(&["--for", "2", "--set", "simulator.lidar.beams=39"]);
+
+    ended.assert_code(0).assert_says(&["2 s are over"]).assert_nothing_lost();
+    let commands = ended.topics()["cmd_vel"]["sent"].as_f64().unwrap();
+    let unfit = ended.figure("controller", "unfit_few_beams");
+    assert_eq!(unfit.to_bits(), commands.to_bits(), "{}", ended.story());
+    assert_eq!(ended.figure("simulator", "distance_m").to_bits(), 0, "{}", ended.story());
+}
+
 /// The simulation with another of the profiles in `config/controller`.
 fn with_controller(robot: &Robot, profile: &str) -> String {
     robot.launch_file(&[("lab_simulation", profile)])

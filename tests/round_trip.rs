@@ -3,7 +3,7 @@
 use crate::robot::{Ended, Robot};
 
 /// Every topic of the simulated robot on which something is said.
-const TOPICS: [&str; 5] =
+const TOPICS: [&str; 6] =
     ["cmd_vel", "joint_states", "motion_state", "odom", "scan", "sensor_pair"];
 
 #[test]

@@ -18,6 +18,8 @@ pub struct Config {
     pub pacing: Pacing,
     /// [s] Between two commands, where a timer paces them.
     pub period_s: f64,
+    /// [s] In real time, the robot is not driven by a pair of which one sample is older.
+    pub input_age_max_s: f64,
     /// Of the lab's follower.
     pub wall_following: WallConfig,
     /// Of the follower for noisy sensors.
@@ -133,6 +135,7 @@ impl Config {
     /// Refuses what no robot could be driven with.
     pub fn validate(&self) -> Result<(), ConfigError> {
         positive("period_s", self.period_s)?;
+        positive("input_age_max_s", self.input_age_max_s)?;
         self.wall_following.validate()?;
         self.corridor_following.validate()
     }
@@ -203,6 +206,9 @@ impl Default for Config {
             seed: 1,
             pacing: Pacing::default(),
             period_s: 0.05,
+            // A turn of the slowest LiDAR, 0.2 s; the lab's slop on the robot, 0.15 s; and the
+            // pairs' deadline, 0.15 s, for which the timer may use a pair.
+            input_age_max_s: 0.5,
             wall_following: WallConfig::default(),
             corridor_following: CorridorConfig::default(),
         }
@@ -381,6 +387,7 @@ mod tests {
     fn values_that_nothing_can_be_driven_with_are_refused_by_key() {
         let table = [
             ("period_s = 0", "period_s must be a finite number above zero"),
+            ("input_age_max_s = inf", "input_age_max_s must be a finite number above zero"),
             ("wall_following.speed_m_s = nan", "must be a finite number above zero"),
             ("wall_following.ambiguity_m = -0.1", "must be a finite number, zero or above"),
             ("wall_following.angular_max_rad_s = inf", "must be a finite number above zero"),

@@ -207,6 +207,11 @@ impl CorridorFollowing {
         motion
     }
 
+    /// The next samples are the first.
+    pub(crate) fn forget(&mut self) {
+        self.last = None;
+    }
+
     pub(crate) fn activity(&self) -> Activity {
         match self.state {
             State::Follow => Activity::Following,

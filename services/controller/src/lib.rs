@@ -8,9 +8,13 @@
 
 mod config;
 mod corridor_following;
+#[cfg(test)]
+mod fuzz;
 mod run;
 #[cfg(test)]
 mod scene;
+mod timeline;
+mod unfit;
 mod wall_following;
 mod walls;
 
@@ -19,8 +23,11 @@ use interfaces::{LaserScan, Odometry, Pose, VelocityCommand};
 pub use config::{Algorithm, Config, ConfigError, CorridorConfig, Distances, Pacing, WallConfig};
 
 pub use run::{check, run};
+pub use unfit::Unfit;
 
 use corridor_following::CorridorFollowing;
+use timeline::Timeline;
+use unfit::check_samples;
 use wall_following::WallFollowing;
 
 /// [-] A scan of fewer beams is no picture of the surroundings: the lab's windows would overlap.
@@ -37,7 +44,7 @@ pub enum Activity {
     TurningLeft,
     /// A short way straight ahead after a turn.
     LeavingTurn,
-    /// Not at all, since the newest scan shows nothing.
+    /// Not at all, since the newest samples were unfit.
     Blind,
 }
 
@@ -45,6 +52,8 @@ pub enum Activity {
 #[derive(Debug, Clone)]
 pub struct Controller {
     follower: Follower,
+    scan_time: Timeline,
+    odometry_time: Timeline,
     blind: bool,
 }
 
@@ -82,26 +91,55 @@ impl Controller {
                 Follower::Corridor(Box::new(following))
             }
         };
-        Ok(Self { follower, blind: true })
+        let (scan_time, odometry_time) = (Timeline::default(), Timeline::default());
+        Ok(Self { follower, scan_time, odometry_time, blind: true })
     }
 
-    /// The command for the newest pair of samples, stamped with the newer of the two.
+    /// The command for the newest pair of samples, stamped with the newer of the two; or why they
+    /// say nothing about where to drive. Unfit samples change no memory: what follows them is driven
+    /// by as if they had been lost.
     ///
-    /// Whatever the samples hold, the command is finite. A beam is a wall where
-    /// `range_min <= range && range <= range_max`, and otherwise says nothing, but for `-inf`, which
-    /// the corridor follower takes for a wall at `range_min`. A scan of fewer than [`BEAMS_MIN`]
-    /// beams, or one whose every beam is NaN, `-inf` or out of range, shows nothing at all: the
-    /// robot stands until it sees again. (All `+inf` is free space, and it drives.)
+    /// Whatever the samples hold, a command is finite. What a beam says:
     ///
-    /// Samples no newer than those before them repeat the command.
-    pub fn update(&mut self, scan: &LaserScan, odometry: &Odometry) -> VelocityCommand {
-        self.blind = is_blind(scan);
-        let motion = if self.blind {
-            Motion::STOP
-        } else {
-            match &mut self.follower {
-                Follower::Wall(wall) => wall.update(scan),
-                Follower::Corridor(corridor) => corridor.update(scan, odometry),
+    /// | range | meaning |
+    /// |---|---|
+    /// | from `range_min` to `range_max` | a wall |
+    /// | `+inf` | free space |
+    /// | `-inf` | the corridor follower sees a wall at `range_min`, the lab's nothing |
+    /// | NaN | nothing |
+    /// | negative, zero, denormal, or else below `range_min` | nothing |
+    /// | huge (1e30), or else above `range_max` | nothing |
+    ///
+    /// Single beams of any kind are borne. Where none shows a wall or free space, the pair is
+    /// [`Unfit::Blind`]; a scan of nothing but `+inf` is free space, and the robot drives. Limits,
+    /// directions or a length that no LiDAR has are [`Unfit::Geometry`], numbers that no robot has
+    /// [`Unfit::Odometry`]. Negative or denormal speeds and places are ordinary numbers.
+    ///
+    /// Samples no newer than those before them repeat the command, until two in a row are far
+    /// behind: then their clock was set back, and the follower starts anew.
+    pub fn update(
+        &mut self,
+        scan: &LaserScan,
+        odometry: &Odometry,
+    ) -> Result<VelocityCommand, Unfit> {
+        self.blind = true;
+        check_samples(scan, odometry)?;
+        self.blind = false;
+
+        let scan_turns_back = self.scan_time.turns_back(&scan.header);
+        let odometry_turns_back = self.odometry_time.turns_back(&odometry.header);
+        let motion = match &mut self.follower {
+            Follower::Wall(wall) => {
+                if scan_turns_back {
+                    wall.forget();
+                }
+                wall.update(scan)
+            }
+            Follower::Corridor(corridor) => {
+                if scan_turns_back || odometry_turns_back {
+                    corridor.forget();
+                }
+                corridor.update(scan, odometry)
             }
         };
         assert!(motion.linear.is_finite() && motion.angular.is_finite());
@@ -110,7 +148,7 @@ impl Controller {
         command.header.stamp = scan.header.stamp.max(odometry.header.stamp);
         command.linear = motion.linear;
         command.angular = motion.angular;
-        command
+        Ok(command)
     }
 
     /// What the robot is doing.
@@ -130,14 +168,6 @@ pub fn is_handed_over(pose: Option<&Pose>) -> bool {
     pose.is_some_and(|pose| pose.localized != 0)
 }
 
-fn is_blind(scan: &LaserScan) -> bool {
-    let shows = |&range: &f32| is_wall(scan, range) || range == f32::INFINITY;
-    scan.len() < BEAMS_MIN
-        || !scan.angle_min.is_finite()
-        || !scan.angle_increment.is_finite()
-        || !scan.ranges().iter().any(shows)
-}
-
 /// Whether a range is that of a wall, by the rule of the message.
 fn is_wall(scan: &LaserScan, range: f32) -> bool {
     range.is_finite() && scan.range_min <= range && range <= scan.range_max
@@ -146,9 +176,6 @@ fn is_wall(scan: &LaserScan, range: f32) -> bool {
 #[cfg(test)]
 #[expect(clippy::float_cmp, reason = "what must be exact is compared exactly")]
 mod tests {
-    use rand_chacha::ChaCha8Rng;
-    use rand_chacha::rand_core::{Rng, SeedableRng};
-
     use super::*;
     use crate::scene::{blank, stamp, turned};
 
@@ -160,34 +187,61 @@ mod tests {
 
     /// Motion for one scan, by a controller that has seen nothing else.
     fn first(algorithm: Algorithm, scan: &LaserScan) -> (f64, f64) {
-        let command = controller(algorithm, 1).update(scan, &turned(0.0, 50));
+        let command = controller(algorithm, 1).update(scan, &turned(0.0, 50)).unwrap();
         (command.linear, command.angular)
     }
 
     #[test]
-    fn a_scan_that_shows_nothing_stops_the_robot() {
-        let filled = |beams: usize, range: f32| {
-            let mut scan = blank(beams, 50);
-            scan.ranges_mut().fill(range);
-            scan
-        };
-        let table = vec![
-            ("no beams", blank(1, 50)),
-            ("too few beams", filled(BEAMS_MIN - 1, 1.0)),
-            ("all invalid", filled(240, f32::NAN)),
-            ("all too close", filled(240, f32::NEG_INFINITY)),
-            ("all the zeros of a driver that knows no infinity", filled(240, 0.0)),
-            ("all beyond range_max", filled(240, 8.5)),
-            ("no direction", LaserScan { angle_min: f32::NAN, ..filled(240, 1.0) }),
-            ("no step", LaserScan { angle_increment: f32::INFINITY, ..filled(240, 1.0) }),
-            ("no least range", LaserScan { range_min: f32::NAN, ..filled(240, 1.0) }),
-        ];
-        for (name, scan) in table {
-            for algorithm in ALGORITHMS {
+    fn unfit_samples_are_no_command_and_change_no_memory() {
+        let mut near = blank(240, 150);
+        near.ranges_mut().fill(0.3);
+        let mut blind = blank(240, 100);
+        blind.ranges_mut().fill(f32::NAN);
+        let lost = Odometry { x: f64::INFINITY, ..turned(0.0, 100) };
+
+        for algorithm in ALGORITHMS {
+            let mut disturbed = controller(algorithm, 1);
+            let mut undisturbed = disturbed.clone();
+            assert_eq!(disturbed.activity(), Activity::Blind);
+            for controller in [&mut disturbed, &mut undisturbed] {
+                controller.update(&blank(240, 50), &turned(0.0, 50)).unwrap();
+            }
+            assert_eq!(disturbed.update(&blind, &turned(0.1, 100)), Err(Unfit::Blind));
+            assert_eq!(disturbed.update(&near, &lost), Err(Unfit::Odometry));
+            assert_eq!(disturbed.activity(), Activity::Blind);
+
+            let commands = [&mut disturbed, &mut undisturbed]
+                .map(|controller| controller.update(&near, &turned(0.2, 150)).unwrap());
+            assert_eq!(commands[0], commands[1], "{algorithm:?}");
+            assert_ne!(disturbed.activity(), Activity::Blind);
+        }
+    }
+
+    #[test]
+    fn after_a_jump_of_the_stamps_the_second_sane_pair_is_driven_by() {
+        const HOUR: u64 = 3_600_000;
+        let mut far = blank(240, 0);
+        far.ranges_mut().fill(0.6);
+        for algorithm in ALGORITHMS {
+            for jump in [10 + HOUR, 9 * HOUR, 10 * HOUR + 300] {
                 let mut controller = controller(algorithm, 1);
-                let command = controller.update(&scan, &turned(0.0, 50));
-                assert_eq!((command.linear, command.angular), (0.0, 0.0), "{name}, {algorithm:?}");
-                assert_eq!(controller.activity(), Activity::Blind, "{name}, {algorithm:?}");
+                for (scan, odometry) in [(10 * HOUR, 10 * HOUR), (jump, jump), (jump + 50, jump)] {
+                    far.header.stamp = stamp(scan);
+                    controller.update(&far, &turned(0.0, odometry)).unwrap();
+                }
+
+                let mut near = far;
+                near.ranges_mut().fill(0.15);
+                let mut motion = (0.0, 0.0);
+                for at in [10 * HOUR + 50, 10 * HOUR + 100] {
+                    near.header.stamp = stamp(at);
+                    let command = controller.update(&near, &turned(0.0, at)).unwrap();
+                    motion = (command.linear, command.angular);
+                }
+                let mut fresh = self::controller(algorithm, 1);
+                let expected = fresh.update(&near, &turned(0.0, 10 * HOUR + 100)).unwrap();
+                assert_eq!(motion.0, expected.linear, "{algorithm:?}, {jump}");
+                assert_eq!(motion.0, 0.0, "a wall ahead, {algorithm:?}, {jump}");
             }
         }
     }
@@ -198,58 +252,10 @@ mod tests {
 
         let mut controller = controller(Algorithm::CorridorFollowing, 1);
         let speeds: Vec<f64> = (1..=40)
-            .map(|n| controller.update(&blank(240, 50 * n), &turned(0.0, 50 * n)).linear)
+            .map(|n| controller.update(&blank(240, 50 * n), &turned(0.0, 50 * n)).unwrap().linear)
             .collect();
         assert!(speeds.is_sorted(), "{speeds:?}");
         assert_eq!(speeds[39], 0.2);
-    }
-
-    #[test]
-    fn whatever_the_samples_hold_the_command_is_finite_and_the_wheels_can_follow() {
-        for seed in 0..20 {
-            let mut random = ChaCha8Rng::seed_from_u64(seed);
-            for algorithm in ALGORITHMS {
-                let mut controller = controller(algorithm, seed);
-                let mut milliseconds = 0;
-                for _ in 0..200 {
-                    milliseconds += u64::from(random.next_u32() % 4) * 25;
-                    let (scan, odometry) = nonsense(&mut random, milliseconds);
-                    let command = controller.update(&scan, &odometry);
-
-                    let (linear, angular) = (command.linear, command.angular);
-                    assert!(linear.is_finite() && angular.is_finite(), "SEED={seed}");
-                    if algorithm == Algorithm::CorridorFollowing {
-                        let wheel = linear.abs() + 0.08 * angular.abs();
-                        assert!(wheel <= 0.22, "SEED={seed}: {wheel} m/s");
-                    }
-                }
-            }
-        }
-    }
-
-    /// A pair of samples of which some fields make no sense.
-    fn nonsense(random: &mut ChaCha8Rng, milliseconds: u64) -> (LaserScan, Odometry) {
-        let strange = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 0.0, -1.0, f32::MAX, 1e-30];
-        let mut pick = |sane: f32, one_in: u32| {
-            let drawn = random.next_u32();
-            let strange = strange[drawn as usize % strange.len()];
-            if (drawn / 7).is_multiple_of(one_in) { strange } else { sane }
-        };
-
-        let mut scan = blank(240, milliseconds);
-        for index in 0..scan.len() {
-            scan.range[index] = pick(0.2 + 0.01 * (index % 40) as f32, 3);
-        }
-        scan.range_min = pick(0.12, 8);
-        scan.range_max = pick(8.0, 8);
-        scan.angle_min = pick(0.0, 8);
-        scan.angle_increment = pick(scan.angle_increment, 8);
-
-        let mut odometry = turned(f64::from(pick(0.1, 4)), milliseconds);
-        odometry.x = f64::from(pick(0.1, 4));
-        odometry.y = f64::from(pick(0.1, 4));
-        odometry.angular = f64::from(pick(0.1, 4));
-        (scan, odometry)
     }
 
     #[test]
@@ -260,15 +266,15 @@ mod tests {
             let mut controller = controller(algorithm, 1);
             let mut far = blank(240, 100);
             far.ranges_mut().fill(0.6);
-            let first = controller.update(&far, &turned(0.0, 100));
+            let first = controller.update(&far, &turned(0.0, 100)).unwrap();
 
             for milliseconds in [100, 50] {
                 near.header.stamp = stamp(milliseconds);
-                let again = controller.update(&near, &turned(0.0, milliseconds));
+                let again = controller.update(&near, &turned(0.0, milliseconds)).unwrap();
                 assert_eq!((again.linear, again.angular), (first.linear, first.angular));
             }
             near.header.stamp = stamp(150);
-            let moved = controller.update(&near, &turned(0.0, 150));
+            let moved = controller.update(&near, &turned(0.0, 150)).unwrap();
             assert_ne!((moved.linear, moved.angular), (first.linear, first.angular));
         }
     }
@@ -277,7 +283,7 @@ mod tests {
     fn a_command_carries_the_stamp_of_the_newer_sample() {
         let mut controller = controller(Algorithm::WallFollowing, 1);
         for (scan, odometry, newer) in [(50, 70, 70), (100, 70, 100)] {
-            let command = controller.update(&blank(240, scan), &turned(0.0, odometry));
+            let command = controller.update(&blank(240, scan), &turned(0.0, odometry)).unwrap();
             assert_eq!(command.header.stamp, stamp(newer));
         }
     }

@@ -4,19 +4,21 @@ use std::time::Duration;
 
 use interfaces::topics::{MOTION_STATE, ODOMETRY, POSE, SCAN, SENSOR_PAIR, VELOCITY_COMMAND};
 use interfaces::{
-    Header, LaserScan, MotionState, Odometry, Permission, Pose, SensorPair, Stamp, VelocityCommand,
+    LaserScan, MotionState, Odometry, Permission, Pose, SensorPair, Stamp, VelocityCommand,
 };
 use node::config::{self, Place};
 use node::{
-    Clock, Error, Gauge, Lookup, Node, Publisher, Result, Sample, Settings, Subscriber, Window,
+    Clock, Error, Gauge, Lookup, Node, Publisher, Refusals, Result, Sample, Settings, Subscriber,
+    Window,
 };
 
-use crate::{Config, Controller, Pacing, is_handed_over};
+use crate::unfit::{check_age, check_samples};
+use crate::{Config, Controller, Pacing, Unfit, is_handed_over};
 
 /// Runs the controller as a managed node.
 pub fn run(node: &mut Node<'_>) -> Result {
     let (config, controller) = load(node.settings())?;
-    let driver = Driver::new(node, controller)?;
+    let driver = Driver::new(node, controller, &config)?;
     match config.pacing {
         Pacing::EveryPair => every_pair(node, driver),
         Pacing::Timer => on_a_timer(node, driver, Duration::from_secs_f64(config.period_s)),
@@ -44,9 +46,12 @@ fn load(settings: &Settings) -> Result<(Config, Controller)> {
 /// One command for each pair, as it comes: the lab's simulation.
 fn every_pair(node: &mut Node<'_>, mut driver: Driver) -> Result {
     while let Some(tick) = node.tick()? {
+        if tick.activated {
+            driver.waiting = None;
+        }
         node.wake_by(None);
         while let Some(ticket) = driver.next_ticket()? {
-            if !driver.drive(&ticket)? {
+            if driver.drive(node, &ticket)? == Answer::NotYet {
                 driver.put_back(ticket);
                 node.wake_by(Some(tick.now.after(PATIENCE)));
                 break;
@@ -59,32 +64,32 @@ fn every_pair(node: &mut Node<'_>, mut driver: Driver) -> Result {
 /// Far longer than a publisher takes from one reader to the next.
 const PATIENCE: Duration = Duration::from_millis(1);
 
-/// One command each period, for the newest pair there is: the lab's robot.
+/// One command each period, for the newest pair there is, until that is too old: the lab's robot.
 fn on_a_timer(node: &mut Node<'_>, mut driver: Driver, period: Duration) -> Result {
     node.set_period(period);
     let mut newest: Option<SensorPair> = None;
     while let Some(tick) = node.tick()? {
+        if tick.activated {
+            newest = None;
+        }
         while let Some(ticket) = driver.next_ticket()? {
             newest = Some(ticket);
         }
-        // What is older than the pairs' deadline says nothing any more: silence stops the robot.
-        newest = newest.filter(|ticket| is_fresh(ticket, tick.now));
         if let Some(ticket) = newest.filter(|_| tick.due) {
             // A sample that has not come yet is there by the next period.
-            driver.drive(&ticket)?;
+            if driver.drive(node, &ticket)? == Answer::Refused {
+                newest = None;
+            }
         }
     }
     Ok(())
 }
 
-fn is_fresh(ticket: &SensorPair, now: Stamp) -> bool {
-    now.since(ticket.formed) <= SENSOR_PAIR.deadline
-}
-
-/// What a robot that is held hears: it may move again after a while of commands that begin with
-/// zero, and the follower goes on where it was.
+/// What moves no robot: for one that is held, or that is to stand still.
 fn standstill(stamp: Stamp) -> VelocityCommand {
-    VelocityCommand { header: Header { stamp, ..Header::default() }, ..VelocityCommand::default() }
+    let mut command = VelocityCommand::default();
+    command.header.stamp = stamp;
+    command
 }
 
 /// The follower with its wires.
@@ -99,11 +104,25 @@ struct Driver {
     motion_states: Subscriber<MotionState>,
     is_armed: bool,
     commands: Publisher<VelocityCommand>,
+    clock: Clock,
+    age_max: Duration,
     gone: Gauge,
+    refusals: Refusals,
+}
+
+/// What became of a ticket.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Answer {
+    /// The robot is driven by it.
+    Driven,
+    /// One of its samples has not come yet.
+    NotYet,
+    /// It says nothing about where to drive.
+    Refused,
 }
 
 impl Driver {
-    fn new(node: &mut Node<'_>, controller: Controller) -> Result<Self> {
+    fn new(node: &mut Node<'_>, controller: Controller, config: &Config) -> Result<Self> {
         Ok(Self {
             controller,
             tickets: node.subscribe(&SENSOR_PAIR)?,
@@ -115,7 +134,10 @@ impl Driver {
             motion_states: node.subscribe_quietly(&MOTION_STATE)?,
             is_armed: true,
             commands: node.publish(&VELOCITY_COMMAND)?,
+            clock: node.clock(),
+            age_max: Duration::from_secs_f64(config.input_age_max_s),
             gone: node.gauge("tickets_whose_sample_is_gone"),
+            refusals: Refusals::new(node, "unfit", Unfit::ALL.map(Unfit::label)),
         })
     }
 
@@ -136,18 +158,28 @@ impl Driver {
     }
 
     /// Sends the command for the two samples that the ticket names, read where they lie. A sample
-    /// that is gone is counted, never guessed. False where one has not come yet.
-    fn drive(&mut self, ticket: &SensorPair) -> Result<bool> {
+    /// that is gone is counted, never guessed.
+    fn drive(&mut self, node: &mut Node<'_>, ticket: &SensorPair) -> Result<Answer> {
         self.pose = self.poses.latest()?.or(self.pose.take());
+        // Read after the samples have come, or an honest stamp might lie ahead of it. Lock-step knows
+        // no age.
+        let in_time = match self.clock {
+            Clock::Lockstep => Ok(()),
+            Clock::Realtime => check_age(ticket, node::clock::now(), self.age_max),
+        };
+        if let Err(unfit) = in_time {
+            return self.refuse(node, ticket, unfit);
+        }
+
         let scan = self.scans.find(ticket.scan_sequence, ticket.scan_epoch);
         let odometry = self.odometry.find(ticket.odometry_sequence, ticket.odometry_epoch);
         let (scan, odometry) = match (scan, odometry) {
             (Lookup::Here(scan), Lookup::Here(odometry)) => (scan, odometry),
             (Lookup::Gone, _) | (_, Lookup::Gone) => {
                 self.gone.count();
-                return Ok(true);
+                return Ok(Answer::Refused);
             }
-            (Lookup::NotYet, _) | (_, Lookup::NotYet) => return Ok(false),
+            (Lookup::NotYet, _) | (_, Lookup::NotYet) => return Ok(Answer::NotYet),
         };
         if let Some(state) = self.motion_states.latest()? {
             self.is_armed = state.permission == Permission::Armed as u8;
@@ -155,12 +187,36 @@ impl Driver {
         let command = if self.is_armed {
             self.controller.update(scan, odometry)
         } else {
-            standstill(ticket.header.stamp)
+            // A robot that is held is armed again by a while of commands that begin with zero, and
+            // the follower goes on where it was.
+            check_samples(scan, odometry).map(|()| standstill(ticket.header.stamp))
         };
-        // Once a localization knows where the robot is, another node drives.
-        if !is_handed_over(self.pose.as_deref()) {
-            self.commands.send(command)?;
+        match command {
+            Ok(command) => {
+                if self.refusals.accept() {
+                    node.say("drives again");
+                }
+                self.send(command)?;
+                Ok(Answer::Driven)
+            }
+            Err(unfit) => self.refuse(node, ticket, unfit),
         }
-        Ok(true)
+    }
+
+    /// Sends nothing: whoever drives the wheels stops them where commands cease. Only in lock-step,
+    /// where the world waits for each command, that is to stand still.
+    fn refuse(&mut self, node: &mut Node<'_>, ticket: &SensorPair, unfit: Unfit) -> Result<Answer> {
+        if self.refusals.refuse(unfit as usize) {
+            node.say(&format!("gives no command: {unfit}"));
+        }
+        if self.clock == Clock::Lockstep {
+            self.send(standstill(ticket.header.stamp))?;
+        }
+        Ok(Answer::Refused)
+    }
+
+    fn send(&mut self, command: VelocityCommand) -> Result {
+        // Once a localization knows where the robot is, another node drives.
+        if is_handed_over(self.pose.as_deref()) { Ok(()) } else { self.commands.send(command) }
     }
 }

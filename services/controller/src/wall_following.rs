@@ -11,6 +11,10 @@ use crate::{Activity, Distances, Motion, WallConfig, is_wall};
 /// [-] Beams on each side of a window's middle.
 const WINDOW_HALF: usize = 5;
 
+/// A scan that follows so closely is the same one, stamped twice: the rate of an error between the
+/// two would be noise, divided by almost nothing.
+const PERIOD_MIN: Duration = Duration::from_millis(1);
+
 /// The lab's follower and its memory.
 #[derive(Debug, Clone)]
 pub(crate) struct WallFollowing {
@@ -80,7 +84,7 @@ impl WallFollowing {
         let (stamp, epoch) = (scan.header.stamp, scan.header.epoch);
         let last = self.last.filter(|last| last.epoch == epoch);
         if let Some(last) = last
-            && stamp <= last.stamp
+            && stamp.since(last.stamp) < PERIOD_MIN
         {
             return last.motion;
         }
@@ -89,6 +93,11 @@ impl WallFollowing {
         let motion = self.step(stamp, dt, &look(&self.config, scan));
         self.last = Some(Last { stamp, epoch, motion });
         motion
+    }
+
+    /// The next scan is compared with none before it.
+    pub(crate) fn forget(&mut self) {
+        self.last = None;
     }
 
     pub(crate) fn activity(&self) -> Activity {
@@ -131,7 +140,7 @@ impl WallFollowing {
                 }
             }
             State::FixedFront { wall, until } => {
-                if until <= stamp {
+                if until <= stamp || self.is_of_another_clock(until, stamp) {
                     self.state = State::Front { wall };
                     self.step(stamp, dt, seen)
                 } else {
@@ -183,6 +192,11 @@ impl WallFollowing {
     fn has_turned(&self, seen: &Seen) -> bool {
         let limit = self.config.turn_exit_max_m.unwrap_or(f64::INFINITY);
         self.config.turn_exit_m() <= seen.front && seen.front <= limit
+    }
+
+    /// Whether a way ahead that ends at `until` cannot have begun by now: the clock was set back.
+    fn is_of_another_clock(&self, until: Stamp, stamp: Stamp) -> bool {
+        Duration::from_secs_f64(self.config.fixed_front_s) < until.since(stamp)
     }
 
     fn after_turn(&self, wall: Wall, stamp: Stamp) -> State {
@@ -380,6 +394,37 @@ mod tests {
         }
         step(&mut follower, 1350, &free);
         assert_eq!(follower.state, State::Front { wall: Wall::Right });
+    }
+
+    #[test]
+    fn the_way_ahead_after_a_turn_does_not_outlast_its_clock() {
+        let config = WallConfig { fixed_front_s: 0.35, ..WallConfig::default() };
+        let mut follower = follower(&config);
+        follower.state = State::TurnLeft;
+        let free = seen(0.5, 0.19, 0.19);
+        step(&mut follower, 3_600_000, &free);
+        assert_eq!(follower.activity(), Activity::LeavingTurn);
+
+        step(&mut follower, 1000, &free);
+        assert_eq!(follower.activity(), Activity::Following);
+    }
+
+    #[test]
+    fn a_scan_that_follows_within_a_millisecond_is_the_same_one() {
+        // The last moment there is, too: none comes after it.
+        for at in [stamp(50), Stamp::from_nanoseconds(u64::MAX)] {
+            let mut follower = follower(&WallConfig::default());
+            let mut scan = blank(240, 0);
+            scan.header.stamp = at;
+            scan.ranges_mut().fill(0.5);
+            let first = follower.update(&scan);
+
+            scan.ranges_mut().fill(0.25);
+            for soon in [at, at.after(Duration::from_nanos(1))] {
+                scan.header.stamp = soon;
+                assert_motion(follower.update(&scan), first.linear, first.angular);
+            }
+        }
     }
 
     #[test]

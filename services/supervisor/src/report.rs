@@ -70,6 +70,9 @@ const LINES: [(&str, &[&str]); 4] = [
     ("pairing", &["pairs", "resets", "tickets_whose_sample_is_gone"]),
 ];
 
+/// Figures that begin so count by reason: one that was never met is not worth a line.
+const REASONS: [&str; 2] = ["unfit_", "rejected_"];
+
 /// What pairing did as it should: the rest of its figures are reasons.
 const PAIRED: [&str; 4] = ["pairs", "resets", "scan_received", "odom_received"];
 
@@ -285,9 +288,12 @@ impl Report {
         let told =
             |key: &str| LINES.iter().any(|(_, keys)| keys.contains(&key)) || UNTOLD.contains(&key);
         for (name, _) in self.nodes.iter().filter(|(name, _)| name != PAIRING) {
+            let unmet = |key: &str, figure: f64| {
+                figure <= 0.0 && REASONS.iter().any(|reason| key.starts_with(reason))
+            };
             let figures: Vec<_> = self
                 .node(name)
-                .filter(|(key, figure)| !told(key) && !is_idle(key, *figure))
+                .filter(|&(key, figure)| !told(key) && !unmet(key, figure))
                 .map(|(key, figure)| figure_text(key, figure))
                 .collect();
             if !figures.is_empty() {
@@ -405,11 +411,6 @@ fn figures(member: &Member) -> (String, Map<String, Value>) {
 }
 
 /// `distance_m`, 12.04 as `distance 12.040 m`.
-/// What is worth a word only where it has happened.
-fn is_idle(key: &str, figure: f64) -> bool {
-    figure == 0.0 && (key.starts_with("commands_refused_") || key == "dead_man_trips")
-}
-
 fn figure_text(key: &str, value: f64) -> String {
     let (name, unit) = match key.rsplit_once('_') {
         Some((name, unit)) if UNITS.contains(&unit) => (name, unit),
