@@ -2,6 +2,7 @@
 
 mod allocation;
 mod invariants;
+mod jumps;
 mod limits;
 mod offline;
 mod parity;

@@ -83,7 +83,7 @@ impl Timeline {
         track.stepped = Some(now);
         // A single sample may have been held up; two in a row mean that the clock itself is back.
         if self.slop < lag || track.behind {
-            return self.turn_back(topic, stamp, now);
+            return self.turn_back(topic, stamp, lag, now);
         }
         if self.strict {
             track.behind = true;
@@ -98,21 +98,29 @@ impl Timeline {
     }
 
     /// Whether a sample is from before another topic's step back: it goes on where its own topic
-    /// was, and ahead of all that has turned back. One that never does is believed in the end.
+    /// was, and ahead of all that has turned back. One that never does is believed in the end, and
+    /// at once where the others have returned: then theirs was the false clock.
     fn is_straggler(&self, topic: usize, stamp: u64, now: u64) -> bool {
         let Some(old) = self.tracks[topic].old else { return false };
         let present = self.tracks.iter().filter_map(|track| track.newest).max();
         let follows = stamp < old.newest;
-        let ahead = present.is_some_and(|present| present.saturating_add(self.slop) < stamp);
+        let ahead = present.is_some_and(|present| {
+            present < old.newest && present.saturating_add(self.slop) < stamp
+        });
         !follows && ahead && now - old.since <= self.patience
     }
 
     /// The stepping topic starts afresh, and so do those that are ahead of it by more than the
     /// slop. The others are where it is now: if it was one absurd stamp, they lose nothing. And
     /// those that have just stepped back were merely faster.
-    fn turn_back(&mut self, topic: usize, stamp: u64, now: u64) -> Verdict {
+    ///
+    /// A step that is far longer than samples live cannot be mistaken for a sample's way: there,
+    /// a topic may be ahead by as much, if it is served sooner.
+    fn turn_back(&mut self, topic: usize, stamp: u64, lag: u64, now: u64) -> Verdict {
         let mut gone = [false; TOPICS_MAX];
-        let limit = stamp.saturating_add(self.slop);
+        let is_far = self.patience.saturating_mul(2) < lag;
+        let ahead_max = if is_far { self.slop.max(self.patience) } else { self.slop };
+        let limit = stamp.saturating_add(ahead_max);
         let lately = now.saturating_sub(self.patience);
         for (track, gone) in self.tracks.iter_mut().zip(&mut gone) {
             let Some(newest) = track.newest else { continue };

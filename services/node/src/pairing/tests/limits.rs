@@ -209,6 +209,43 @@ fn one_absurd_stamp_costs_the_other_topic_nothing() {
 }
 
 #[test]
+fn one_absurd_stamp_costs_nothing_where_the_other_topic_is_served_sooner() {
+    let mut pairing = Pairing::new(&LIMITED).unwrap();
+    expect(
+        &mut pairing,
+        &[
+            (1_000, B, 1_000, ""),
+            (1_052, A, 1_000, "1000+1000"),
+            (1_102, A, 99_999, ""),
+            (1_103, B, 1_100, ""),
+            (1_150, B, 1_150, ""),
+            // b is ahead of it by more than the slop, but not by as much as the step.
+            (1_152, A, 1_100, "a99999 reset, 1100+1100"),
+            (1_202, A, 1_150, "1150+1150"),
+        ],
+    );
+}
+
+#[test]
+fn a_topic_is_believed_as_soon_as_the_other_has_returned_from_a_false_clock() {
+    let mut pairing = Pairing::new(&LIMITED).unwrap();
+    expect(
+        &mut pairing,
+        &[
+            (1_000, B, 1_000, ""),
+            (1_048, A, 1_000, "1000+1000"),
+            (1_050, B, 1_050, ""),
+            (1_098, A, 1, "b1050 reset"),
+            (1_100, B, 1_100, "b1100 reset"),
+            (1_148, A, 1_100, ""),
+            // Still ahead of a, which is served later.
+            (1_150, B, 1_150, ""),
+            (1_198, A, 1_150, "1150+1150"),
+        ],
+    );
+}
+
+#[test]
 fn what_comes_late_from_before_a_step_back_is_dropped() {
     let cases =
         [(LIMITED, "", "a5000 reset, b4900 reset"), (ADAPTIVE, "b4900 no_partner", "a5000 reset")];
