@@ -8,8 +8,8 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 use crate::scene::{blank, turned};
 use crate::{Algorithm, Config, Controller, Unfit, WallConfig};
 
-/// [-] Pairs for each follower; `FUZZ_SAMPLES=500000` makes it as many.
-const SAMPLES: u64 = 100_000;
+/// [-] Pairs for each follower; `FUZZ_SAMPLES=10000000` makes it as many.
+const SAMPLES: u64 = 350_000;
 
 /// [-] Pairs of one stream: then another robot begins.
 const STREAM: u64 = 500;

@@ -1,5 +1,7 @@
 //! What odometry can be told; the defaults are the lab's simulation.
 
+use std::time::Duration;
+
 use node::config::{Parameters, Report};
 use serde::Deserialize;
 
@@ -19,6 +21,11 @@ pub struct Config {
     pub y_m: f64,
     /// [rad] How the robot stands in `odom` when it starts.
     pub yaw_rad: f64,
+    /// [rad/s] No wheel turns faster: what says so is a fault. Poses are judged by it too, with the
+    /// geometry.
+    pub wheel_speed_max_rad_s: f64,
+    /// [s] Measurements that are farther apart do not tell what was between them.
+    pub stamp_gap_max_s: f64,
 }
 
 /// What the robot reports about its motion.
@@ -41,6 +48,12 @@ impl Default for Config {
             x_m: 0.0,
             y_m: 0.0,
             yaw_rad: 0.0,
+            // 1 m/s on a Burger, more than four times what its wheels can do: stamps that are off by
+            // most of a period make no fault of an honest wheel.
+            wheel_speed_max_rad_s: 30.0,
+            // Twenty of the lab's periods: a restart of the publisher is a matter of epochs, a
+            // second without measurements one of luck.
+            stamp_gap_max_s: 1.0,
         }
     }
 }
@@ -50,7 +63,35 @@ impl Parameters for Config {
         for (key, length) in [("wheel_radius_m", self.wheel_radius_m), ("track_m", self.track_m)] {
             if length <= 0.0 {
                 report.refuse(key, "is no length", "give metres above zero");
+            } else if !LENGTHS.contains(&length) {
+                report.refuse(key, "is no robot's", "give metres, from 0.001 to 1000");
             }
         }
+        let speed = self.wheel_speed_max_rad_s;
+        if !(0.0 < speed && speed <= WHEEL_SPEED_MAX) {
+            let key = "wheel_speed_max_rad_s";
+            report.refuse(key, "is no wheel's", "give rad/s, above zero and up to 10000");
+        }
+        let gap = self.stamp_gap_max_s;
+        if !(0.0 < gap && gap <= GAP_MAX) {
+            let help = "give seconds, above zero and up to 60";
+            report.refuse("stamp_gap_max_s", "is no gap between measurements", help);
+        }
+    }
+}
+
+/// [m] From a toy's wheel to a mine's lorry, and some more: quotients of two stay finite.
+const LENGTHS: std::ops::RangeInclusive<f64> = 0.001..=1_000.0;
+
+/// [rad/s] A turbine.
+const WHEEL_SPEED_MAX: f64 = 10_000.0;
+
+/// [s] After a minute nobody knows where a robot has been meanwhile.
+const GAP_MAX: f64 = 60.0;
+
+impl Config {
+    /// How far measurements may be apart.
+    pub(crate) fn stamp_gap_max(&self) -> Duration {
+        Duration::from_secs_f64(self.stamp_gap_max_s)
     }
 }

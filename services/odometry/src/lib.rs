@@ -3,11 +3,15 @@
 #![forbid(unsafe_code)]
 
 mod config;
+mod continuity;
+#[cfg(test)]
+mod fuzz;
 mod poses;
 mod run;
 mod wheels;
 
 pub use config::{Config, Source};
+pub use continuity::Rejected;
 pub use poses::PoseOdometry;
 pub use run::{check, run};
 pub use wheels::WheelOdometry;

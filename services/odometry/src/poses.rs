@@ -1,50 +1,87 @@
 //! Velocity by differencing poses, for robots that report nothing else.
 
-use interfaces::{Odometry, Pose, Stamp};
+use interfaces::{Odometry, Pose};
 
-use crate::wrapped;
+use crate::continuity::{Base, Continuity};
+use crate::{Config, Rejected, wrapped};
+
+/// [m] No robot goes farther from where it started.
+const PLACE_MAX: f64 = 1e6;
+
+/// [rad] Nobody's heading is more than a whole turn.
+const YAW_MAX: f64 = 2.0 * std::f64::consts::PI;
 
 /// The pose before, to which the next one is compared.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub struct PoseOdometry {
-    previous: Option<(Stamp, Pose)>,
+    /// [m/s] What both wheels together do.
+    speed_max: f64,
+    /// [rad/s] What the wheels against each other do.
+    angular_max: f64,
+    poses: Continuity<Pose>,
 }
 
 impl PoseOdometry {
+    /// A robot that has reported nothing yet.
+    pub fn new(config: &Config) -> Self {
+        let speed_max = config.wheel_radius_m * config.wheel_speed_max_rad_s;
+        let angular_max = 2.0 * speed_max / config.track_m;
+        Self { speed_max, angular_max, poses: Continuity::new(config.stamp_gap_max()) }
+    }
+
     /// Writes the reported pose and the velocity since the one before into `odometry`. False, and
-    /// nothing written, for the first pose, which only sets the reference, and where no time has
-    /// passed.
+    /// nothing written, for the first pose in a publisher's life, which only sets the reference.
+    /// A pose that is rejected writes nothing, and is compared with nothing good. Where the robot
+    /// was set to another place, or its clock to another time, the second pose is believed.
     ///
     /// The speed is that along the mean heading: the previous one plus half the wrapped turn, since
     /// the plain mean of two headings is wrong across ±π.
-    pub fn update(&mut self, pose: &Pose, odometry: &mut Odometry) -> bool {
-        let stamp = pose.header.stamp;
-        let Some((earlier, before)) = self.previous else {
-            self.previous = Some((stamp, *pose));
-            return false;
+    pub fn update(&mut self, pose: &Pose, odometry: &mut Odometry) -> Result<bool, Rejected> {
+        check(pose)?;
+        let (speed_max, angular_max) = (self.speed_max, self.angular_max);
+        let base = self.poses.judge(&pose.header, *pose, |from, to, dt| {
+            let distance = libm::hypot(to.x - from.x, to.y - from.y);
+            let turn = wrapped(to.yaw - from.yaw).abs();
+            distance <= speed_max * dt && turn <= angular_max * dt
+        })?;
+        let (before, dt) = match base {
+            Base::None => return Ok(false),
+            Base::Last { value, dt } | Base::Suspect { value, dt, .. } => (value, dt),
         };
-        if stamp <= earlier {
-            return false;
-        }
-        self.previous = Some((stamp, *pose));
-        let dt = stamp.since(earlier).as_secs_f64();
         let turn = wrapped(pose.yaw - before.yaw);
         let heading = before.yaw + 0.5 * turn;
         let (dx, dy) = (pose.x - before.x, pose.y - before.y);
-        odometry.header.stamp = stamp;
+        odometry.header.stamp = pose.header.stamp;
         odometry.x = pose.x;
         odometry.y = pose.y;
         odometry.yaw = pose.yaw;
         odometry.linear = (dx * libm::cos(heading) + dy * libm::sin(heading)) / dt;
         odometry.angular = turn / dt;
-        true
+        Ok(true)
     }
+
+    /// [-] Times that stamps or poses jumped and those after that were believed.
+    pub fn rebases(&self) -> u64 {
+        self.poses.rebases()
+    }
+}
+
+/// Rejects what no robot reports, whatever came before.
+fn check(pose: &Pose) -> Result<(), Rejected> {
+    if ![pose.x, pose.y, pose.yaw].iter().all(|number| number.is_finite()) {
+        return Err(Rejected::NotFinite);
+    }
+    let is_within =
+        pose.x.abs() <= PLACE_MAX && pose.y.abs() <= PLACE_MAX && pose.yaw.abs() <= YAW_MAX;
+    if is_within { Ok(()) } else { Err(Rejected::TooGreat) }
 }
 
 #[cfg(test)]
 mod tests {
     use std::f64::consts::PI;
     use std::time::Duration;
+
+    use interfaces::Stamp;
 
     use super::*;
 
@@ -68,10 +105,12 @@ mod tests {
         let dt = 0.05;
         for (linear, angular) in [(0.15, 0.5), (0.2, -1.0), (-0.1, 0.3)] {
             for start in [0.0, 1.0, PI - 0.001, -PI + 0.001, 3.0] {
-                let mut core = PoseOdometry::default();
+                let mut core = PoseOdometry::new(&Config::default());
                 let mut odometry = Odometry::default();
-                assert!(!core.update(&on_arc(linear, angular, start, 0.0), &mut odometry));
-                assert!(core.update(&on_arc(linear, angular, start, dt), &mut odometry));
+                let first = on_arc(linear, angular, start, 0.0);
+                assert_eq!(core.update(&first, &mut odometry), Ok(false));
+                let second = on_arc(linear, angular, start, dt);
+                assert_eq!(core.update(&second, &mut odometry), Ok(true));
 
                 // The chord is shorter than the arc by this factor.
                 let half = 0.5 * angular * dt;
@@ -84,24 +123,55 @@ mod tests {
 
     #[test]
     fn pose_and_stamp_stay_as_reported() {
-        let mut core = PoseOdometry::default();
+        let mut core = PoseOdometry::new(&Config::default());
         let mut odometry = Odometry::default();
-        core.update(&pose(1.0, 0.0, 0.0, 0.0), &mut odometry);
-        core.update(&pose(2.0, 3.0, 4.0, 0.5), &mut odometry);
+        core.update(&pose(1.0, 0.0, 0.0, 0.0), &mut odometry).unwrap();
+        core.update(&pose(2.0, 0.3, 0.4, 0.5), &mut odometry).unwrap();
 
         assert_eq!(odometry.header.stamp, Stamp::from_nanoseconds(2_000_000_000));
         let reported = [odometry.x, odometry.y, odometry.yaw];
-        assert_eq!(reported.map(f64::to_bits), [3.0, 4.0, wrapped(0.5)].map(f64::to_bits));
+        assert_eq!(reported.map(f64::to_bits), [0.3, 0.4, wrapped(0.5)].map(f64::to_bits));
     }
 
     #[test]
-    fn poses_of_one_moment_have_no_velocity() {
-        let mut core = PoseOdometry::default();
-        let mut odometry = Odometry::default();
-        core.update(&pose(1.0, 0.0, 0.0, 0.0), &mut odometry);
+    fn a_pose_that_is_rejected_changes_nothing() {
+        let good = pose(1.05, 0.01, 0.0, 0.0);
+        let table = [
+            (pose(1.0, 1.0, 0.0, 0.0), Rejected::Repeated),
+            (pose(0.5, 0.0, 0.0, 0.0), Rejected::Backwards),
+            (pose(3601.0, 0.0, 0.0, 0.0), Rejected::Ahead),
+            (Pose { x: f64::NAN, ..good }, Rejected::NotFinite),
+            (Pose { y: f64::INFINITY, ..good }, Rejected::NotFinite),
+            (Pose { yaw: f64::NEG_INFINITY, ..good }, Rejected::NotFinite),
+            (Pose { x: 1e300, ..good }, Rejected::TooGreat),
+            (Pose { yaw: 1e300, ..good }, Rejected::TooGreat),
+            (Pose { y: 3.0, ..good }, Rejected::TooFast),
+            (Pose { yaw: 3.0, ..good }, Rejected::TooFast),
+        ];
+        for (reported, reason) in table {
+            let mut core = PoseOdometry::new(&Config::default());
+            let mut odometry = Odometry::default();
+            assert_eq!(core.update(&pose(1.0, 0.0, 0.0, 0.0), &mut odometry), Ok(false));
+            assert_eq!(core.update(&reported, &mut odometry), Err(reason), "{reported:?}");
+            assert_eq!(odometry, Odometry::default(), "{reported:?}");
+            assert_eq!(core.update(&pose(1.1, 0.02, 0.0, 0.0), &mut odometry), Ok(true));
+            assert!((odometry.linear - 0.2).abs() < 1e-9, "{reported:?}: {}", odometry.linear);
+        }
+    }
 
-        assert!(!core.update(&pose(1.0, 1.0, 0.0, 0.0), &mut odometry));
-        assert!(core.update(&pose(2.0, 1.0, 0.0, 0.0), &mut odometry));
-        assert!((odometry.linear - 1.0).abs() < 1e-12);
+    #[test]
+    fn a_robot_that_was_carried_away_is_believed_at_the_second_pose() {
+        let mut core = PoseOdometry::new(&Config::default());
+        let mut odometry = Odometry::default();
+        core.update(&pose(1.0, 0.0, 0.0, 0.0), &mut odometry).unwrap();
+        core.update(&pose(1.05, 5.0, 0.0, 0.0), &mut odometry).unwrap_err();
+
+        assert_eq!(core.update(&pose(1.1, 5.01, 0.0, 0.0), &mut odometry), Ok(true));
+        assert!((odometry.linear - 0.2).abs() < 1e-9, "{}", odometry.linear);
+        assert_eq!(core.rebases(), 1);
+
+        let mut new_life = pose(0.5, 9.0, 0.0, 0.0);
+        new_life.header.epoch = 2;
+        assert_eq!(core.update(&new_life, &mut odometry), Ok(false));
     }
 }

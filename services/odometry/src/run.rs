@@ -2,16 +2,16 @@
 
 use interfaces::Odometry;
 use interfaces::topics::{JOINT_STATES, ODOMETRY, ROBOT_POSE};
-use node::{Gauge, Node, Result, Settings};
+use node::{Gauge, Node, Refusals, Result, Settings};
 
-use crate::{Config, PoseOdometry, Source, WheelOdometry};
+use crate::{Config, PoseOdometry, Rejected, Source, WheelOdometry};
 
 /// Runs odometry as a managed node.
 pub fn run(node: &mut Node<'_>) -> Result {
     let config: Config = node.parameters()?;
     match config.source {
         Source::Wheels => from_wheels(node, &config),
-        Source::Poses => from_poses(node),
+        Source::Poses => from_poses(node, &config),
     }
 }
 
@@ -23,49 +23,76 @@ pub fn check(settings: &Settings) -> Result {
 fn from_wheels(node: &mut Node<'_>, config: &Config) -> Result {
     let mut wheels = node.subscribe(&JOINT_STATES)?;
     let mut odometry = node.publish(&ODOMETRY)?;
-    let pose = PoseGauges::new(node);
+    let mut gauges = Gauges::new(node);
     let mut core = WheelOdometry::new(config);
     let mut sample = Odometry::default();
     while node.tick()?.is_some() {
         while let Some(wheels) = wheels.receive()? {
-            if core.update(&wheels, &mut sample) {
-                pose.set(&sample);
-                odometry.send(sample)?;
+            match core.update(&wheels, &mut sample) {
+                Ok(()) => {
+                    gauges.accept(node, &sample);
+                    odometry.send(sample)?;
+                }
+                Err(rejected) => gauges.reject(node, rejected),
             }
         }
+        gauges.rebases.set(core.rebases() as f64);
     }
     Ok(())
 }
 
-fn from_poses(node: &mut Node<'_>) -> Result {
+fn from_poses(node: &mut Node<'_>, config: &Config) -> Result {
     let mut poses = node.subscribe(&ROBOT_POSE)?;
     let mut odometry = node.publish(&ODOMETRY)?;
-    let pose = PoseGauges::new(node);
-    let mut core = PoseOdometry::default();
+    let mut gauges = Gauges::new(node);
+    let mut core = PoseOdometry::new(config);
     let mut sample = Odometry::default();
     while node.tick()?.is_some() {
         while let Some(reported) = poses.receive()? {
-            if core.update(&reported, &mut sample) {
-                pose.set(&sample);
-                odometry.send(sample)?;
+            match core.update(&reported, &mut sample) {
+                Ok(true) => {
+                    gauges.accept(node, &sample);
+                    odometry.send(sample)?;
+                }
+                Ok(false) => {}
+                Err(rejected) => gauges.reject(node, rejected),
             }
         }
+        gauges.rebases.set(core.rebases() as f64);
     }
     Ok(())
 }
 
-/// Where the robot believes to be, for whoever looks at the node's status.
-struct PoseGauges([Gauge; 3]);
+/// Where the robot believes to be and what it did not believe, for whoever looks at the node's
+/// status.
+struct Gauges {
+    pose: [Gauge; 3],
+    rebases: Gauge,
+    refusals: Refusals,
+}
 
-impl PoseGauges {
+impl Gauges {
     fn new(node: &mut Node<'_>) -> Self {
-        Self(["x_m", "y_m", "yaw_rad"].map(|key| node.gauge(key)))
+        Self {
+            pose: ["x_m", "y_m", "yaw_rad"].map(|key| node.gauge(key)),
+            rebases: node.gauge("rebases"),
+            refusals: Refusals::new(node, "rejected", Rejected::ALL.map(Rejected::label)),
+        }
     }
 
-    fn set(&self, odometry: &Odometry) {
-        let [x, y, yaw] = &self.0;
+    fn accept(&mut self, node: &mut Node<'_>, odometry: &Odometry) {
+        if self.refusals.accept() {
+            node.say("measures again");
+        }
+        let [x, y, yaw] = &self.pose;
         x.set(odometry.x);
         y.set(odometry.y);
         yaw.set(odometry.yaw);
+    }
+
+    fn reject(&mut self, node: &mut Node<'_>, rejected: Rejected) {
+        if self.refusals.refuse(rejected as usize) {
+            node.say(&format!("publishes nothing: {rejected}"));
+        }
     }
 }

@@ -1,12 +1,16 @@
 //! Forward kinematics: from what the wheels turned to where the robot is.
 
-use interfaces::{JointState, LEFT, Odometry, RIGHT, Stamp};
+use interfaces::{JointState, LEFT, Odometry, RIGHT};
 use nalgebra::{Isometry2, UnitComplex, Vector2};
 
-use crate::{Config, wrapped};
+use crate::continuity::{Base, Continuity};
+use crate::{Config, Rejected, wrapped};
 
 /// Below this half turn the chord is as long as the arc, to the last bit.
 const HALF_TURN_TINY: f64 = 1e-4;
+
+/// [rad] No wheel turns so far in its life; nearer to zero, an angle is exact to a millionth.
+const ANGLE_MAX: f64 = 1e9;
 
 /// Pose and velocity of a robot with two driven wheels.
 #[derive(Debug, Clone)]
@@ -15,7 +19,10 @@ pub struct WheelOdometry {
     track: f64,
     odom_from_base: Isometry2<f64>,
     yaw: f64,
-    previous: Option<(Stamp, [f64; 2])>,
+    speed_max: f64,
+    /// [s] What the first sample's own increments may cover.
+    gap_max: f64,
+    angles: Continuity<[f64; 2]>,
 }
 
 impl WheelOdometry {
@@ -30,41 +37,72 @@ impl WheelOdometry {
                 rotation(yaw),
             ),
             yaw,
-            previous: None,
+            speed_max: config.wheel_speed_max_rad_s,
+            gap_max: config.stamp_gap_max_s,
+            angles: Continuity::new(config.stamp_gap_max()),
         }
     }
 
     /// Moves on by what the wheels turned since the sample before, on an exact arc, and writes pose
-    /// and velocity into `odometry`. False, and nothing written, where no time has passed.
+    /// and velocity into `odometry`. A sample that is rejected writes nothing, moves nothing, and
+    /// is compared with nothing good.
     ///
     /// With r the wheel's radius and 2b the track: v = r/2 (left + right), w = r/2b (right - left).
-    /// The first sample counts by its own increments and speeds; later ones by the difference of
-    /// angles, so that a lost sample loses no distance.
-    pub fn update(&mut self, wheels: &JointState, odometry: &mut Odometry) -> bool {
-        let stamp = wheels.header.stamp;
-        let previous = self.previous.replace((stamp, wheels.position));
-        let (turned, speed) = match previous {
-            None => (wheels.increment, wheels.velocity),
-            Some((earlier, _)) if stamp <= earlier => {
-                self.previous = previous;
-                return false;
+    /// The first sample of a publisher's life counts by its own increments and speeds, for its
+    /// encoders may count from anywhere; later ones by the difference of angles, so that a lost
+    /// sample loses no distance. Where stamps have jumped, the second sample after that is believed;
+    /// the way since the last good one counts, unless the angles have jumped too.
+    pub fn update(&mut self, wheels: &JointState, odometry: &mut Odometry) -> Result<(), Rejected> {
+        self.check(wheels)?;
+        let speed_max = self.speed_max;
+        let base = self.angles.judge(&wheels.header, wheels.position, |from, to, dt| {
+            is_possible(turned(from, to), speed_max * dt)
+        })?;
+        let now = &wheels.position;
+        let (way, speed) = match base {
+            Base::None => (wheels.increment, wheels.velocity),
+            Base::Last { value, dt } => {
+                let way = turned(&value, now);
+                (way, way.map(|angle| angle / dt))
             }
-            Some((earlier, angles)) => {
-                let dt = stamp.since(earlier).as_secs_f64();
-                let turned = [LEFT, RIGHT].map(|wheel| wheels.position[wheel] - angles[wheel]);
-                (turned, turned.map(|angle| angle / dt))
+            Base::Suspect { value, dt, lost } => {
+                let way = turned(&lost.unwrap_or(value), now);
+                (way, turned(&value, now).map(|angle| angle / dt))
             }
         };
-        let (distance, turn) = self.forward(turned);
+        let (distance, turn) = self.forward(way);
         let (linear, angular) = self.forward(speed);
         self.advance(distance, turn);
-        odometry.header.stamp = stamp;
+        odometry.header.stamp = wheels.header.stamp;
         odometry.x = self.odom_from_base.translation.x;
         odometry.y = self.odom_from_base.translation.y;
         odometry.yaw = self.yaw;
         odometry.linear = linear;
         odometry.angular = angular;
-        true
+        Ok(())
+    }
+
+    /// [-] Times that stamps or angles jumped and the samples after that were believed.
+    pub fn rebases(&self) -> u64 {
+        self.angles.rebases()
+    }
+
+    /// Rejects what no wheel reports, whatever came before.
+    fn check(&self, wheels: &JointState) -> Result<(), Rejected> {
+        let JointState { position, increment, velocity, .. } = wheels;
+        let mut numbers = position.iter().chain(increment).chain(velocity);
+        if !numbers.all(|number| number.is_finite()) {
+            return Err(Rejected::NotFinite);
+        }
+        if !is_possible(*position, ANGLE_MAX) {
+            return Err(Rejected::TooGreat);
+        }
+        if !is_possible(*velocity, self.speed_max)
+            || !is_possible(*increment, self.speed_max * self.gap_max)
+        {
+            return Err(Rejected::TooFast);
+        }
+        Ok(())
     }
 
     /// Wheel angles to distance and turn, or wheel speeds to speed and turning speed.
@@ -89,6 +127,14 @@ impl WheelOdometry {
     }
 }
 
+fn turned(from: &[f64; 2], to: &[f64; 2]) -> [f64; 2] {
+    [LEFT, RIGHT].map(|wheel| to[wheel] - from[wheel])
+}
+
+fn is_possible(wheels: [f64; 2], limit: f64) -> bool {
+    wheels.iter().all(|angle| angle.abs() <= limit)
+}
+
 fn rotation(yaw: f64) -> UnitComplex<f64> {
     UnitComplex::from_cos_sin_unchecked(libm::cos(yaw), libm::sin(yaw))
 }
@@ -97,6 +143,8 @@ fn rotation(yaw: f64) -> UnitComplex<f64> {
 mod tests {
     use std::f64::consts::PI;
     use std::time::Duration;
+
+    use interfaces::Stamp;
 
     use super::*;
 
@@ -113,7 +161,7 @@ mod tests {
         let mut core = WheelOdometry::new(&Config::default());
         let mut odometry = Odometry::default();
         for step in 0..=steps {
-            core.update(&wheels(linear, angular, f64::from(step) * dt), &mut odometry);
+            core.update(&wheels(linear, angular, f64::from(step) * dt), &mut odometry).unwrap();
         }
         odometry
     }
@@ -144,25 +192,108 @@ mod tests {
         let mut core = WheelOdometry::new(&Config::default());
         let mut odometry = Odometry::default();
         for time in [0.0, 0.05, 0.20] {
-            assert!(core.update(&wheels(0.2, 0.0, time), &mut odometry));
+            core.update(&wheels(0.2, 0.0, time), &mut odometry).unwrap();
         }
 
         assert!((odometry.x - 0.04).abs() < 1e-12);
         assert!((odometry.linear - 0.2).abs() < 1e-12);
     }
 
-    #[test]
-    fn a_sample_that_is_no_newer_changes_nothing() {
+    /// A robot that drove straight for 1 s, and what it thought then.
+    fn driven() -> (WheelOdometry, Odometry) {
         let mut core = WheelOdometry::new(&Config::default());
         let mut odometry = Odometry::default();
-        core.update(&wheels(0.2, 0.0, 0.1), &mut odometry);
-        let before = odometry;
+        for step in 0..=20 {
+            core.update(&wheels(0.2, 0.0, f64::from(step) * 0.05), &mut odometry).unwrap();
+        }
+        (core, odometry)
+    }
 
-        assert!(!core.update(&wheels(0.2, 0.0, 0.1), &mut odometry));
-        assert!(!core.update(&wheels(0.2, 0.0, 0.05), &mut odometry));
-        assert_eq!(odometry, before);
-        assert!(core.update(&wheels(0.2, 0.0, 0.15), &mut odometry));
-        assert!((odometry.linear - 0.2).abs() < 1e-12);
+    /// Drives on, and expects to be where a robot is that never saw anything wrong.
+    #[track_caller]
+    fn assert_right(core: &mut WheelOdometry, time: f64) {
+        let mut odometry = Odometry::default();
+        core.update(&wheels(0.2, 0.0, time), &mut odometry).unwrap();
+        assert!((odometry.x - 0.2 * time).abs() < 1e-9, "x {} at {time}", odometry.x);
+        assert!((odometry.linear - 0.2).abs() < 1e-9, "v {} at {time}", odometry.linear);
+    }
+
+    #[test]
+    fn a_sample_that_is_rejected_changes_nothing() {
+        let good = wheels(0.2, 0.0, 1.05);
+        let with = |position| JointState { position, ..good };
+        let table = [
+            (wheels(0.2, 0.0, 1.0), Rejected::Repeated),
+            (wheels(0.2, 0.0, 1.0 - 1e-9), Rejected::Backwards),
+            (wheels(0.2, 0.0, 0.0), Rejected::Backwards),
+            (wheels(0.2, 0.0, 3601.0), Rejected::Ahead),
+            (with([f64::NAN, 6.0]), Rejected::NotFinite),
+            (with([6.0, f64::INFINITY]), Rejected::NotFinite),
+            (with([1e300, 6.0]), Rejected::TooGreat),
+            (with([6.0, -1e300]), Rejected::TooGreat),
+            (with([0.0, 0.0]), Rejected::TooFast),
+            (with([100.0, 100.0]), Rejected::TooFast),
+            (JointState { velocity: [f64::NAN, 0.0], ..good }, Rejected::NotFinite),
+            (JointState { velocity: [1e300, 0.0], ..good }, Rejected::TooFast),
+            (JointState { increment: [0.0, f64::NEG_INFINITY], ..good }, Rejected::NotFinite),
+            (JointState { increment: [0.0, 31.0], ..good }, Rejected::TooFast),
+        ];
+        for (sample, reason) in table {
+            let (mut core, mut odometry) = driven();
+            let before = odometry;
+            assert_eq!(core.update(&sample, &mut odometry), Err(reason), "{sample:?}");
+            assert_eq!(odometry, before, "{sample:?}");
+            assert_right(&mut core, 1.1);
+            assert_eq!(core.rebases(), 0, "{sample:?}");
+        }
+    }
+
+    #[test]
+    fn a_clock_that_was_set_costs_one_sample_and_no_distance() {
+        for jump in [3600.0, -0.5, 5.0] {
+            let (mut core, mut odometry) = driven();
+            let set = |time: f64| {
+                let mut sample = wheels(0.2, 0.0, time);
+                sample.header.stamp = Stamp::ZERO.after(Duration::from_secs_f64(time + jump));
+                sample
+            };
+            core.update(&set(1.05), &mut odometry).unwrap_err();
+            for time in [1.1, 1.15] {
+                core.update(&set(time), &mut odometry).unwrap();
+                assert!((odometry.x - 0.2 * time).abs() < 1e-9, "{jump}: x {}", odometry.x);
+                assert!((odometry.linear - 0.2).abs() < 1e-6, "{jump}: v {}", odometry.linear);
+            }
+            assert_eq!(core.rebases(), 1);
+        }
+    }
+
+    #[test]
+    fn encoders_that_jump_move_nothing() {
+        let (mut core, mut odometry) = driven();
+        let jumped = |time| {
+            let mut sample = wheels(0.2, 0.0, time);
+            sample.position = sample.position.map(|angle| angle - 1000.0);
+            sample
+        };
+        assert_eq!(core.update(&jumped(1.05), &mut odometry), Err(Rejected::TooFast));
+        core.update(&jumped(1.1), &mut odometry).unwrap();
+        // What the robot drove until the first sample after the jump cannot be known.
+        assert!((odometry.x - 0.21).abs() < 1e-9, "x {}", odometry.x);
+        assert!((odometry.linear - 0.2).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_publisher_s_new_life_counts_from_anywhere() {
+        let (mut core, mut odometry) = driven();
+        for (step, time) in [0.0, 0.05, 0.1].into_iter().enumerate() {
+            let mut sample = wheels(0.2, 0.0, time);
+            sample.header.epoch = 2;
+            sample.increment = [0.01 / 0.033; 2];
+            core.update(&sample, &mut odometry).unwrap();
+            let x = 0.2 + 0.01 * (step + 1) as f64;
+            assert!((odometry.x - x).abs() < 1e-9, "x {} not {x}", odometry.x);
+        }
+        assert_eq!(core.rebases(), 0);
     }
 
     #[test]
