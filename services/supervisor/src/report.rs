@@ -70,8 +70,8 @@ const LINES: [(&str, &[&str]); 4] = [
     ("pairing", &["pairs", "resets", "tickets_whose_sample_is_gone"]),
 ];
 
-/// Figures that begin so count by reason: one that was never met is not worth a line.
-const REASONS: [&str; 2] = ["unfit_", "rejected_"];
+/// Figures that begin so count what went wrong: what never did is not worth a line.
+const REASONS: [&str; 3] = ["unfit_", "rejected_", "rebases"];
 
 /// What pairing did as it should: the rest of its figures are reasons.
 const PAIRED: [&str; 4] = ["pairs", "resets", "scan_received", "odom_received"];
