@@ -6,7 +6,7 @@ use interfaces::topics::{MOTION_REQUEST, MOTION_STATE, VELOCITY_COMMAND};
 use interfaces::{MotionRequest, MotionState, Stamp, VelocityCommand};
 
 use crate::deadman::{Config, DeadMan, Motion, Rejection};
-use crate::{EmergencyStop, Gauge, Node, Publisher, Result, Sample, Subscriber};
+use crate::{EmergencyStop, Gauge, Node, Publisher, Refusals, Result, Sample, Subscriber};
 
 /// The emergency stop is looked for this often: a fifth of what a stop may take.
 const LATCH_PERIOD: Duration = Duration::from_millis(10);
@@ -31,21 +31,13 @@ pub struct Wheels {
     latch: EmergencyStop,
     latch_due: Stamp,
     greeting_due: Stamp,
-    gauges: Gauges,
-}
-
-/// What the dead-man counts, for whoever looks at the node's status.
-#[derive(Debug)]
-struct Gauges {
+    refusals: Refusals,
     trips: Gauge,
-    rejected: [Gauge; Rejection::ALL.len()],
 }
 
 impl Wheels {
     /// Opens the topics of a robot at rest.
     pub fn new(node: &mut Node<'_>, config: &Config) -> Result<Self> {
-        let rejected =
-            Rejection::ALL.map(|reason| node.gauge(&format!("commands_refused_{}", reason.key())));
         Ok(Self {
             config: *config,
             dead_man: DeadMan::new(config),
@@ -57,7 +49,8 @@ impl Wheels {
             latch: EmergencyStop::of(&node.settings().namespace()?),
             latch_due: Stamp::ZERO,
             greeting_due: Stamp::ZERO,
-            gauges: Gauges { trips: node.gauge("dead_man_trips"), rejected },
+            refusals: Refusals::new(node, "rejected", Rejection::ALL.map(Rejection::key)),
+            trips: node.gauge("dead_man_trips"),
         })
     }
 
@@ -99,13 +92,10 @@ impl Wheels {
     pub fn hear(&mut self, time: Stamp) -> Result<Option<Heard>> {
         let Some(command) = self.commands.receive()? else { return Ok(None) };
         let verdict = self.dead_man.hear(time, &command);
-        if let Err(reason) = verdict {
-            let gauge = &self.gauges.rejected[reason as usize];
-            if gauge.get() == 0.0 {
-                tracing::warn!(%reason, ?command, "refused a command; from now on this is counted");
-            }
-            gauge.count();
-        }
+        match verdict {
+            Ok(()) => self.refusals.accept(),
+            Err(reason) => self.refusals.refuse(reason as usize),
+        };
         self.tell(time)?;
         Ok(Some((command, verdict)))
     }
@@ -129,7 +119,7 @@ impl Wheels {
         }
         self.told = changes;
         self.has_news = true;
-        self.gauges.trips.set(self.dead_man.trips() as f64);
+        self.trips.set(self.dead_man.trips() as f64);
         let dead_man = &self.dead_man;
         self.state.send_with(|state| {
             state.header.stamp = time;

@@ -71,7 +71,7 @@ const LINES: [(&str, &[&str]); 4] = [
 ];
 
 /// Figures that begin so count what went wrong: what never did is not worth a line.
-const REASONS: [&str; 3] = ["unfit_", "rejected_", "rebases"];
+const REASONS: [&str; 4] = ["unfit_", "rejected_", "rebases", "dead_man_trips"];
 
 /// What pairing did as it should: the rest of its figures are reasons.
 const PAIRED: [&str; 4] = ["pairs", "resets", "scan_received", "odom_received"];
