@@ -72,7 +72,7 @@ fn what_a_dead_robot_has_left_is_found_with_the_command_that_removes_it() {
     assert_ne!(finding["level"], "ok", "{finding}");
     assert!(finding["found"].as_str().unwrap().contains(&directory), "{finding}");
     let commands = finding["mend"].as_array().unwrap();
-    assert!(commands.contains(&"teseo up config/simulation.toml".into()), "{finding}");
+    assert!(commands.contains(&"teseo clear --robot burger".into()), "{finding}");
 }
 
 #[test]

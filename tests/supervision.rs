@@ -1,11 +1,12 @@
 //! Whatever dies comes back, as the launch file says, or the robot goes down and says why.
 
+use std::fs;
 use std::process::ExitCode;
 use std::time::Duration;
 
 use interfaces::topics::POSE;
-use node::Arguments;
 use node::log::{Format, Options};
+use node::{Arguments, Namespace};
 use rustix::process::Signal;
 use serde_json::Value;
 
@@ -19,6 +20,7 @@ const ORDER: [&str; 4] = ["pairing", "simulator", "odometry", "controller"];
 
 const GAVE_UP: i32 = 3;
 const NOT_STARTED: i32 = 4;
+const HELD: i32 = 5;
 const HAD_TO_KILL: i32 = 6;
 const CONFIGURATION: i32 = 78;
 
@@ -349,6 +351,64 @@ fn detached_a_robot_that_ends_by_itself_tells_how_until_it_runs_again() {
     let other = verb(&robot, &["status", "--robot", "other"], 3);
     assert!(!other.err.contains("ended"), "{}", other.story());
     verb(&robot, &["up", &launch_file, "--for", "1"], 0);
+    robot.assert_nothing_left();
+}
+
+#[test]
+fn what_a_dead_run_has_left_is_cleared_and_what_lives_is_not() {
+    let robot = Robot::new();
+    let run = ready(&robot, &[]);
+    let guardian = format!("held by process {}", run.process().pid);
+    let clear = ["clear", "--robot", "burger"];
+    verb(&robot, &clear, HELD).assert_says(&[&guardian]);
+    verb(&robot, &[clear.as_slice(), &["--or-unfinished"]].concat(), 0);
+    verb(&robot, &["status"], 0);
+
+    // All at once, so that nobody tidies up.
+    for signal in [Signal::STOP, Signal::KILL] {
+        robot.processes().into_iter().for_each(|process| process.signal(signal));
+    }
+    run.wait().assert_code(137);
+    robot.await_no_process();
+    assert_ne!(robot.segments(), [""; 0]);
+    verb(&robot, &clear, 0);
+    robot.assert_nothing_left();
+    verb(&robot, &clear, 0);
+}
+
+#[test]
+fn a_node_that_nobody_supervises_keeps_its_robot_to_itself() {
+    let robot = Robot::new();
+    let launch_file = lab_robot(&robot, &[]);
+    let node = robot.start(&["odometry", "--autostart", "--config", &launch_file]);
+    let is_there =
+        || 0 < Namespace::under(&robot.runtime(), "burger").unwrap().shared_memory().files;
+    assert!(wait_until(PATIENCE, is_there), "{}", node.output());
+    let holder = format!("held by process {}", node.process().pid);
+
+    verb(&robot, &["clear", "--robot", "burger"], HELD).assert_says(&[&holder]);
+    verb(&robot, &["up", &launch_file], HELD).assert_says(&[&holder]);
+    node.process().signal(Signal::KILL);
+    node.wait().assert_code(137);
+    verb(&robot, &["clear", "--robot", "burger"], 0);
+    robot.assert_nothing_left();
+}
+
+#[test]
+fn what_a_killed_node_left_unfinished_is_cleared_beside_the_living() {
+    let robot = Robot::new();
+    let launch_file = lab_robot(&robot, &[]);
+    let node = robot.start(&["odometry", "--autostart", "--config", &launch_file]);
+    let namespace = Namespace::under(&robot.runtime(), "burger").unwrap();
+    assert!(wait_until(PATIENCE, || 0 < namespace.shared_memory().files), "{}", node.output());
+    let unfinished = format!("/dev/shm/{}unfinished", namespace.prefix());
+    fs::write(&unfinished, "").unwrap();
+
+    verb(&robot, &["clear", "--robot", "burger", "--or-unfinished"], 0);
+    assert!(!fs::exists(&unfinished).unwrap());
+    assert_ne!(namespace.shared_memory().files, 0);
+    node.signal(Signal::TERM).wait().assert_code(0);
+    verb(&robot, &["clear", "--robot", "burger"], 0);
     robot.assert_nothing_left();
 }
 

@@ -51,7 +51,7 @@ pub enum Error {
         /// The directory.
         path: PathBuf,
     },
-    /// Another supervisor holds the robot.
+    /// Another supervisor holds the robot, or nodes that nobody supervises.
     Held {
         /// The robot.
         robot: String,
@@ -63,8 +63,8 @@ pub enum Error {
 }
 
 impl Error {
-    /// The exit code: 78 for a wrong configuration (do not start me again), 5 where another
-    /// supervisor holds the robot, else 1.
+    /// The exit code: 78 for a wrong configuration (do not start me again), 5 where others hold
+    /// the robot, else 1.
     pub const fn exit_code(&self) -> u8 {
         match self {
             Self::Config(_) | Self::Name { .. } | Self::PathTooLong { .. } => 78,

@@ -115,8 +115,11 @@ impl std::fmt::Debug for Counted {
 /// Runs `body` as a managed node until it is shut down. `body` opens its ports and then loops over
 /// [`Node::tick`]; it is called anew for every `configure`.
 pub fn run_with(settings: &Settings, body: impl FnMut(&mut Node<'_>) -> Result) -> Result {
-    let session = Session::join(&settings.namespace()?, settings.name(), settings.epoch())?
-        .with_clock(settings.clock());
+    let namespace = settings.namespace()?;
+    // Before it joins, so that whoever sweeps finds nobody, or is kept off.
+    let _share = if settings.autostart() { namespace.share()? } else { None };
+    let session =
+        Session::join(&namespace, settings.name(), settings.epoch())?.with_clock(settings.clock());
     let failed = |cause: String| Error::shared_memory("open the wake-up channel", cause);
     let listener = session
         .wake_service(settings.name())?

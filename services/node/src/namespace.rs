@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
 use iceoryx2::prelude::{Config, FilePath, SemanticString};
-use rustix::fs::FallocateFlags;
+use rustix::fs::{FallocateFlags, FlockOperation};
 
 use crate::launch::Launch;
 use crate::{EmergencyStop, Error, Result, clock, memory};
@@ -27,6 +27,12 @@ const LAST_WORDS: &str = "last";
 
 /// The name of the transport's configuration.
 const TRANSPORT_CONFIG: &str = "iceoryx2.toml";
+
+/// [-] Attempts to share the lock with whoever has it for a moment, to look or to sweep.
+const SHARE_ATTEMPTS: u32 = 10;
+
+/// Between two of them.
+const SHARE_PAUSE: Duration = Duration::from_millis(5);
 
 /// [byte] What a robot's names in shared memory have in common: `teseo0100_`, a hash and `_`.
 const PREFIX_LENGTH: usize = "teseo".len() + TRANSPORT.len() + 10;
@@ -211,6 +217,31 @@ impl Namespace {
     /// The file whose lock is the right to run the robot.
     pub fn lock(&self) -> PathBuf {
         self.directory.join(LOCK)
+    }
+
+    /// Keeps off whoever would remove the robot's files, until what is returned is dropped: for a node
+    /// that no supervisor looks after. `None` where a supervisor holds the robot, and keeps them off.
+    pub(crate) fn share(&self) -> Result<Option<fs::File>> {
+        let path = self.lock();
+        let failed = |cause| Error::File { path: path.clone(), cause };
+        for _ in 0..SHARE_ATTEMPTS {
+            self.create_directory()?;
+            let mut options = fs::File::options();
+            options.read(true).write(true).create(true).truncate(false);
+            let file = options.open(&path).map_err(failed)?;
+            if rustix::fs::flock(&file, FlockOperation::NonBlockingLockShared).is_err() {
+                clock::nap(SHARE_PAUSE);
+                continue;
+            }
+            let own = file.metadata().map_err(failed)?.ino();
+            // Whoever held it may have removed it between our opening and locking it.
+            if fs::metadata(&path).is_ok_and(|present| present.ino() == own) {
+                // The number in it is that of a supervisor, and there is none.
+                file.set_len(0).map_err(failed)?;
+                return Ok(Some(file));
+            }
+        }
+        Ok(None)
     }
 
     /// Beside the directory, which is gone by then: how a run ended that nobody watched.

@@ -66,7 +66,7 @@ fn examine(config: &Path, check: Check) -> Vec<Finding> {
         limits::open_files(&machine),
         limits::serial_port(&machine, needs),
         robots::runtime_directory(&machine, needs),
-        robots::former_runs(&robots, config, needs),
+        robots::former_runs(&robots),
         robots::running(&robots),
         system::processors(&machine, needs),
         system::governor(&machine),

@@ -1,29 +1,20 @@
 //! The outermost process: holds the robot's lock, and leaves nothing behind.
 
-use std::fs::{File, OpenOptions};
-use std::io::{Read, Seek, Write};
 use std::os::fd::AsFd;
-use std::os::unix::fs::MetadataExt;
 use std::os::unix::process::CommandExt;
 use std::process::{Child, Command, ExitStatus};
 use std::time::Duration;
 
-use node::{Error, Namespace, Result, Settings, clock, signal};
+use node::{Error, Namespace, Result, Settings, signal};
 use rustix::event::{PollFd, PollFlags, Timespec};
-use rustix::fs::FlockOperation;
 use rustix::process::{Pid, PidfdFlags, Signal};
 
 use crate::check::check_all;
+use crate::lock::Lock;
 use crate::{Check, Options, detach, last_words, shim, sweep};
 
 /// Somebody may ask for the end in the very moment before this process waits.
 const POLL: Duration = Duration::from_millis(250);
-
-/// A robot whose guardian was killed is on its way down: this is how long that may take.
-const WAY_DOWN: Duration = Duration::from_secs(10);
-
-/// Between two attempts to take the lock of a robot on its way down.
-const LOCK_POLL: Duration = Duration::from_millis(5);
 
 /// Runs a robot until it is done or asked to stop; returns the supervisor's exit code.
 pub(crate) fn up(options: &Options, check: Check) -> Result<u8> {
@@ -71,7 +62,7 @@ fn check_memory(settings: &Settings) -> Result {
 fn start(lock: &Lock) -> Result<Child> {
     let executable = shim::own_path();
     let failed = |cause| Error::File { path: executable.clone(), cause };
-    let lock = lock.0.try_clone().map_err(failed)?;
+    let lock = lock.file().try_clone().map_err(failed)?;
     Command::new(&executable)
         .args(std::env::args_os().skip(1))
         .stdin(lock)
@@ -141,48 +132,6 @@ pub(crate) fn exit_code(status: ExitStatus) -> u8 {
     // Killed by a signal: as a shell would say it.
     let killed = std::os::unix::process::ExitStatusExt::signal(&status).map(|signal| 128 + signal);
     status.code().or(killed).and_then(|code| u8::try_from(code).ok()).unwrap_or(1)
-}
-
-/// The right to run a robot, held until dropped; the kernel takes it back from the dead.
-struct Lock(File);
-
-impl Lock {
-    fn take(namespace: &Namespace) -> Result<Self> {
-        let begun = clock::now();
-        loop {
-            namespace.create_directory()?;
-            let path = namespace.lock();
-            let failed = |cause| Error::File { path: path.clone(), cause };
-            let mut file = OpenOptions::new()
-                .read(true)
-                .write(true)
-                .create(true)
-                .truncate(false)
-                .open(&path)
-                .map_err(failed)?;
-            if rustix::fs::flock(&file, FlockOperation::NonBlockingLockExclusive).is_err() {
-                let mut process = String::new();
-                file.read_to_string(&mut process).map_err(failed)?;
-                let process = process.trim();
-                // A dead guardian's supervisor holds it until all is down.
-                let is_on_its_way_down = process.parse().is_ok_and(|pid| !is_alive(pid));
-                if is_on_its_way_down && clock::now().since(begun) < WAY_DOWN {
-                    clock::nap(LOCK_POLL);
-                    continue;
-                }
-                let robot = namespace.robot().to_owned();
-                return Err(Error::Held { robot, process: process.to_owned() });
-            }
-            // The former holder may have removed the file between our opening and locking it.
-            let ours = file.metadata().map_err(failed)?.ino();
-            if std::fs::metadata(&path).is_ok_and(|present| present.ino() == ours) {
-                file.set_len(0).map_err(failed)?;
-                file.rewind().map_err(failed)?;
-                writeln!(file, "{}", std::process::id()).map_err(failed)?;
-                return Ok(Self(file));
-            }
-        }
-    }
 }
 
 /// Whether the process does anything still: the dead may wait for somebody to take note.

@@ -7,6 +7,7 @@
 #![forbid(unsafe_code)]
 
 mod check;
+mod clear;
 mod control;
 mod desk;
 mod detach;
@@ -16,6 +17,7 @@ mod guardian;
 mod history;
 mod last_words;
 mod launcher;
+mod lock;
 mod log_book;
 mod machine;
 mod member;

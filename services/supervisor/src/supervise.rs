@@ -34,13 +34,13 @@ const POLL: Duration = Duration::from_millis(100);
 
 /// A process that was killed in the middle of making a file leaves it unfinished. One that lives is
 /// done with it long before this.
-const UNFINISHED_AGE: Duration = Duration::from_millis(300);
+pub(crate) const UNFINISHED_AGE: Duration = Duration::from_millis(300);
 
 /// However long something unfinished stays, a life is not put off for longer.
-const UNFINISHED_WAIT: Duration = Duration::from_secs(1);
+pub(crate) const UNFINISHED_WAIT: Duration = Duration::from_secs(1);
 
 /// Between two looks at what is unfinished.
-const POLL_POSTPONED: Duration = Duration::from_millis(10);
+pub(crate) const POLL_POSTPONED: Duration = Duration::from_millis(10);
 
 /// [-] Of systemd's watchdog, after `sd_watchdog_enabled(3)`, which says half.
 const PINGS_PER_WATCHDOG: u32 = 3;

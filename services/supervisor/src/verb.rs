@@ -6,6 +6,7 @@ use clap::Subcommand;
 
 use crate::Check;
 use crate::check::{self, CheckOptions};
+use crate::clear::{self, ClearOptions};
 use crate::doctor::{self, DoctorOptions};
 use crate::options::Options;
 use crate::pair::{self, PairOptions};
@@ -26,6 +27,8 @@ pub enum Verb {
     Units(UnitsOptions),
     /// Say what of this machine would trouble a robot, and what mends it
     Doctor(DoctorOptions),
+    /// Remove what the dead runs of a robot have left
+    Clear(ClearOptions),
     /// Become a node's program: for the supervisor alone
     #[command(name = shim::VERB, hide = true)]
     Exec(ExecOptions),
@@ -43,6 +46,7 @@ impl Verb {
             Self::Pair(options) => node::exit_code("teseo pair", pair::pair(&options)),
             Self::Units(options) => units::units(&options, check),
             Self::Doctor(options) => doctor::doctor(&options, check),
+            Self::Clear(options) => clear::clear(&options),
             Self::Exec(options) => shim::exec(&options),
             Self::Running(verb) => verb.run(),
         }

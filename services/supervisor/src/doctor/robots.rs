@@ -159,7 +159,7 @@ impl Living {
 }
 
 /// What robots that do not run any more have left.
-pub(super) fn former_runs(robots: &Robots, config: &Path, needs: Option<&Needs>) -> Finding {
+pub(super) fn former_runs(robots: &Robots) -> Finding {
     let what = "former runs";
     if robots.stale.is_empty() && robots.orphans.is_empty() {
         return Finding::ok(what, "nothing is left of them");
@@ -179,11 +179,7 @@ pub(super) fn former_runs(robots: &Robots, config: &Path, needs: Option<&Needs>)
     let level = if robots.orphans.is_empty() { Level::Note } else { Level::Warning };
     let mut finding = Finding::new(level, what, found.join("; "));
     for stale in &robots.stale {
-        let up = format!("teseo up {}", config.display());
-        finding = finding.mend(match needs {
-            Some(needs) if needs.robot == stale.robot => up,
-            _ => format!("{up} --robot {}", stale.robot),
-        });
+        finding = finding.mend(format!("teseo clear --robot {}", stale.robot));
     }
     // A prefix is one robot's alone, and so names its files exactly.
     let removals = robots.orphans.keys().map(|prefix| format!("rm /dev/shm/{prefix}*"));
@@ -280,7 +276,7 @@ mod tests {
         let places = [place("burger", Some("12041"))].into_iter();
         let robots = Robots::sort(places, &Living::default(), memory(&["teseo0100_burger_"]));
 
-        assert_eq!(former_runs(&robots, Path::new("l.toml"), None).level, Level::Ok);
+        assert_eq!(former_runs(&robots).level, Level::Ok);
         let finding = running(&robots);
         assert_eq!(finding.level, Level::Note);
         assert!(finding.found.contains("'burger' by process 12041"), "{finding:?}");
@@ -300,15 +296,12 @@ mod tests {
     fn a_robot_that_does_not_run_is_stale_unless_somebody_uses_its_files() {
         let burger = || [place("burger", None)].into_iter();
         let all = || memory(&["teseo0100_burger_"]);
-        let config = Path::new("l.toml");
 
         let robots = Robots::sort(burger(), &Living::default(), all());
-        let finding = former_runs(&robots, config, Some(&Needs::usual()));
+        let finding = former_runs(&robots);
         assert_eq!(finding.level, Level::Note);
         assert!(finding.found.contains("3 files of 3.0 MiB"), "{finding:?}");
-        assert_eq!(finding.mend, ["teseo up l.toml"]);
-        let finding = former_runs(&robots, config, None);
-        assert_eq!(finding.mend, ["teseo up l.toml --robot burger"]);
+        assert_eq!(finding.mend, ["teseo clear --robot burger"]);
 
         let mut living = Living::default();
         living.note("", "7f00-7f01 rw-s 0 00:1b 7 /dev/shm/teseo0100_0123abcd_node\n");
@@ -326,7 +319,7 @@ mod tests {
     fn files_of_a_robot_without_a_directory_are_removed_by_their_prefix() {
         let name = "teseo0100_0123abcd_";
         let robots = Robots::sort(std::iter::empty(), &Living::default(), memory(&[name]));
-        let finding = former_runs(&robots, Path::new("l.toml"), None);
+        let finding = former_runs(&robots);
         assert_eq!(finding.level, Level::Warning);
         assert_eq!(finding.mend, ["rm /dev/shm/teseo0100_0123abcd_*"]);
 

@@ -167,7 +167,7 @@ fn node(robot: &Robot, chain: &[Process], index: usize) -> Result<File> {
     placement(&mut unit, process);
     // No /dev/shm for the robot alone, though then nobody else could fill it: whoever looks at the
     // robot from a shell has to see what it shares.
-    harden(&mut unit, robot, &needs_of(process), &[&robot.config, &program])?;
+    harden(&mut unit, robot, &needs_of(process), &[&robot.config, &robot.program, &program])?;
     Ok(File { name, text: unit.into_text() })
 }
 
@@ -197,6 +197,9 @@ fn run(unit: &mut Unit, robot: &Robot, process: &Process) -> Result<PathBuf> {
         arguments.push(format!("--name={}", process.name));
         arguments.push("--autostart".to_owned());
     }
+    let clear = ["clear", "--robot", &robot.launch.robot, "--or-unfinished"].map(str::to_owned);
+    unit.because("What a process leaves that is killed as it starts would be waited for.");
+    unit.set("ExecStartPre", escape::command(&robot.program, &clear)?);
     unit.set("ExecStart", escape::command(&program, &arguments)?);
     unit.set("Environment", format!("TESEO_RUNTIME_DIR={}", robot.runtime_directory()));
     for (name, value) in &process.environment {

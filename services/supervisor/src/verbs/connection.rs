@@ -2,7 +2,6 @@
 
 use std::fs;
 use std::io::{ErrorKind, Read, Write};
-use std::os::unix::fs::MetadataExt;
 use std::os::unix::net::UnixStream;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -14,6 +13,7 @@ use serde_json::Value;
 
 use super::Failure;
 use crate::control::Request;
+use crate::lock;
 
 /// A supervisor that turns at all answers many times faster.
 const PATIENCE: Duration = Duration::from_secs(5);
@@ -54,14 +54,8 @@ fn socket(namespace: &Namespace) -> PathBuf {
 /// lock itself is not tried: that would turn away a guardian that tries it at the same time.
 pub(super) fn guardian(namespace: &Namespace) -> Option<u32> {
     let pid: u32 = fs::read_to_string(namespace.lock()).ok()?.trim().parse().ok()?;
-    let identity = |file: &fs::Metadata| (file.dev(), file.ino());
-    let lock = fs::metadata(namespace.lock()).ok()?;
     // Another process may have the number by now.
-    let mut files = fs::read_dir(format!("/proc/{pid}/fd")).ok()?.flatten();
-    let holds = files.any(|entry| {
-        fs::metadata(entry.path()).is_ok_and(|file| identity(&file) == identity(&lock))
-    });
-    holds.then_some(pid)
+    lock::is_open_in(pid, &namespace.lock()).then_some(pid)
 }
 
 /// The robot as it stands, where anybody can tell at this moment.
