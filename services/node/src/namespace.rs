@@ -1,23 +1,24 @@
 //! Where a robot's shared memory lies, apart from every other robot's.
 
-use std::collections::BTreeMap;
+mod segments;
+mod sweep;
+
 use std::fs;
 use std::io::Write;
 use std::os::unix::fs::{DirBuilderExt, MetadataExt};
 use std::path::{Path, PathBuf};
-use std::time::{Duration, SystemTime};
+use std::time::Duration;
 
 use iceoryx2::prelude::{Config, FilePath, SemanticString};
-use rustix::fs::{FallocateFlags, FlockOperation};
+use rustix::fs::FlockOperation;
 
-use crate::launch::Launch;
-use crate::{EmergencyStop, Error, Result, clock, memory};
+use crate::{EmergencyStop, Error, Result, clock};
+
+pub use segments::SharedMemory;
+pub use sweep::Swept;
 
 /// The transport's version, part of every name: two versions must never meet.
 const TRANSPORT: &str = "0100";
-
-/// Where the transport keeps what it shares.
-const SHARED_MEMORY: &str = "/dev/shm";
 
 /// The name of the lock's file.
 const LOCK: &str = "lock";
@@ -36,34 +37,6 @@ const SHARE_PAUSE: Duration = Duration::from_millis(5);
 
 /// [byte] What a robot's names in shared memory have in common: `teseo0100_`, a hash and `_`.
 const PREFIX_LENGTH: usize = "teseo".len() + TRANSPORT.len() + 10;
-
-/// How a service says what it is, and when it is whole: nobody may write it any more.
-const STATIC_FILES: [&str; 5] =
-    [".service", ".service_tag", ".port_tag", ".details", ".type_definition"];
-
-/// [-] A node's files that say whether it lives: monitor, context and the owner's lock.
-const MONITOR_FILES: usize = 3;
-
-/// A file that its maker has not yet opened to others.
-const UNFINISHED_MODE: u32 = 0o200;
-
-/// What a robot holds in shared memory.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct SharedMemory {
-    /// [-] How many files.
-    pub files: usize,
-    /// [byte] How large they are together, touched or not.
-    pub bytes: u64,
-}
-
-/// What a look for unfinished files came to.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Swept {
-    /// [-] Files that were removed.
-    pub removed: usize,
-    /// [-] Files that may be unfinished because somebody is at work on them.
-    pub unfinished: usize,
-}
 
 /// One robot's directory and prefix.
 #[derive(Debug, Clone)]
@@ -99,23 +72,6 @@ impl Namespace {
     /// The namespace of the robot whose own directory this is; `None` where it is none's.
     pub fn at(directory: &Path) -> Option<Self> {
         Self::under(directory.parent()?, directory.file_name()?.to_str()?).ok()
-    }
-
-    /// What this user's robots hold in shared memory now, by prefix, whether they run or not.
-    pub fn shared_memory_of_all() -> BTreeMap<String, SharedMemory> {
-        let own = rustix::process::getuid().as_raw();
-        let mut all = BTreeMap::<String, SharedMemory>::new();
-        for entry in fs::read_dir(SHARED_MEMORY).into_iter().flatten().flatten() {
-            let name = entry.file_name().to_string_lossy().into_owned();
-            let Some(prefix) = Self::prefix_of(&name) else { continue };
-            let Ok(file) = entry.metadata() else { continue };
-            if file.uid() == own {
-                let held = all.entry(prefix.to_owned()).or_default();
-                held.files += 1;
-                held.bytes += file.len();
-            }
-        }
-        all
     }
 
     /// The prefix in the name of a file in shared memory, where it is a robot's.
@@ -186,34 +142,6 @@ impl Namespace {
             .map_err(|cause| Error::File { path: self.directory.clone(), cause })
     }
 
-    /// Removes what a former run left, but not the lock. Only for one who holds it while nothing
-    /// of the run lives.
-    pub fn clear(&self) -> Vec<PathBuf> {
-        let entries = fs::read_dir(&self.directory).into_iter().flatten().flatten();
-        let mut left = self.remove_segments();
-        left.extend(
-            entries
-                .filter(|entry| entry.file_name() != LOCK && !is_latch(entry))
-                .map(|entry| entry.path())
-                .filter(|path| fs::remove_dir_all(path).is_err() && fs::remove_file(path).is_err()),
-        );
-        left
-    }
-
-    /// Removes every file of the robot. Only for one who holds the lock while nothing of the run
-    /// lives. Returns what could not be removed.
-    pub fn remove(&self) -> Vec<PathBuf> {
-        let left = self.clear();
-        let _ = fs::remove_file(self.lock());
-        // It stays with an emergency stop, which outlives the run, or where the next run has begun.
-        let _ = fs::remove_dir(&self.directory);
-        // The directory above goes too, unless another robot lives there.
-        if let Some(runtime) = self.directory.parent() {
-            let _ = fs::remove_dir(runtime);
-        }
-        left
-    }
-
     /// The file whose lock is the right to run the robot.
     pub fn lock(&self) -> PathBuf {
         self.directory.join(LOCK)
@@ -253,154 +181,6 @@ impl Namespace {
     pub fn is_last_words(path: &Path) -> bool {
         path.extension().is_some_and(|extension| extension == LAST_WORDS)
     }
-
-    /// What the robot holds in shared memory now.
-    pub fn shared_memory(&self) -> SharedMemory {
-        let sizes = self.segments().filter_map(|path| Some(fs::metadata(path).ok()?.len()));
-        sizes.fold(SharedMemory::default(), |all, size| SharedMemory {
-            files: all.files + 1,
-            bytes: all.bytes + size,
-        })
-    }
-
-    /// [byte] What the robot of `launch` needs of shared memory, at the most.
-    pub fn need(launch: &Launch) -> u64 {
-        memory::need(launch)
-    }
-
-    /// [byte] What is free of the machine's shared memory.
-    pub fn free() -> Result<u64> {
-        let stat = stat_shared_memory()?;
-        Ok(stat.f_bavail.saturating_mul(stat.f_frsize))
-    }
-
-    /// [byte] How large the machine's shared memory is, free or not.
-    pub fn size() -> Result<u64> {
-        let stat = stat_shared_memory()?;
-        Ok(stat.f_blocks.saturating_mul(stat.f_frsize))
-    }
-
-    /// Has the system set aside what the robot's files are large: they are made sparse, and one that
-    /// found no room when it was first written would kill its process in motion.
-    pub fn reserve(&self) -> Result {
-        for path in self.segments() {
-            let Ok(file) = fs::File::options().read(true).write(true).open(&path) else { continue };
-            let size = file.metadata().map_or(0, |file| file.len());
-            if 0 < size
-                && let Err(cause) = rustix::fs::fallocate(&file, FallocateFlags::empty(), 0, size)
-            {
-                let free = Self::free()? / 1024;
-                let what = format!("reserve shared memory, of which {free} KiB are free");
-                return Err(Error::SharedMemory { action: what, cause: cause.to_string() });
-            }
-        }
-        Ok(())
-    }
-
-    /// Removes what a process that was killed while it made it left unfinished, if it is older than
-    /// `age_min`: iceoryx2 0.10.0 waits for such files for ever, or never removes them. While others
-    /// live this is safe with an `age_min` that no living maker needs. Only for the supervisor.
-    pub fn sweep_unfinished(&self, age_min: Duration) -> Swept {
-        let mut swept = Swept::default();
-        let now = clock::wall();
-        for path in self.segments() {
-            let is_unfinished =
-                |file: &fs::Metadata| file.len() == 0 || file.mode() & 0o777 == UNFINISHED_MODE;
-            swept.look_at(&path, now, age_min, is_unfinished);
-        }
-        self.sweep_tree(&self.directory, now, age_min, &mut swept);
-        swept
-    }
-
-    /// The transport's own files: what describes services and ports, and the nodes' monitors.
-    fn sweep_tree(&self, directory: &Path, now: SystemTime, age_min: Duration, swept: &mut Swept) {
-        let entries: Vec<_> = fs::read_dir(directory).into_iter().flatten().flatten().collect();
-        for entry in &entries {
-            let path = entry.path();
-            let is_static = STATIC_FILES
-                .iter()
-                .any(|end| entry.file_name().as_encoded_bytes().ends_with(end.as_bytes()));
-            if path.is_dir() {
-                self.sweep_tree(&path, now, age_min, swept);
-            } else if is_static {
-                swept.look_at(&path, now, age_min, |file| file.mode() & 0o200 != 0);
-            }
-        }
-        if directory.file_name().is_some_and(|name| name == "nodes") {
-            self.sweep_monitors(&entries, now, age_min, swept);
-        }
-    }
-
-    /// A node whose monitor is incomplete is neither alive nor dead to the transport.
-    fn sweep_monitors(
-        &self,
-        entries: &[fs::DirEntry],
-        now: SystemTime,
-        age_min: Duration,
-        swept: &mut Swept,
-    ) {
-        // `PREFIX_NUMBER.node_monitor` and its like lie beside the directory `NUMBER`.
-        let mut nodes: BTreeMap<String, Vec<PathBuf>> = BTreeMap::new();
-        for entry in entries {
-            let name = entry.file_name().to_string_lossy().into_owned();
-            let stem = name.split('.').next().unwrap_or_default();
-            let number = stem.strip_prefix(&self.prefix).unwrap_or(stem);
-            nodes.entry(number.to_owned()).or_default().push(entry.path());
-        }
-        for paths in nodes.values() {
-            let monitors: Vec<_> = paths.iter().filter(|path| path.is_file()).collect();
-            let is_closed = |path: &&&PathBuf| {
-                fs::metadata(path).is_ok_and(|file| file.mode() & 0o777 == UNFINISHED_MODE)
-            };
-            let is_whole =
-                MONITOR_FILES <= monitors.len() && monitors.iter().filter(is_closed).count() == 0;
-            if !is_whole {
-                for path in paths {
-                    swept.look_at(path, now, age_min, |_| true);
-                }
-            }
-        }
-    }
-
-    fn segments(&self) -> impl Iterator<Item = PathBuf> {
-        let prefix = self.prefix.clone().into_bytes();
-        let all = fs::read_dir(SHARED_MEMORY).into_iter().flatten().flatten();
-        all.filter(move |entry| entry.file_name().as_encoded_bytes().starts_with(&prefix))
-            .map(|entry| entry.path())
-    }
-
-    fn remove_segments(&self) -> Vec<PathBuf> {
-        self.segments().filter(|path| fs::remove_file(path).is_err()).collect()
-    }
-}
-
-/// Of the robot's files, the one that outlives the run.
-fn is_latch(entry: &fs::DirEntry) -> bool {
-    entry.file_name() == EmergencyStop::FILE
-}
-
-impl Swept {
-    /// Removes `path` if it is unfinished and nobody can be at work on it any more.
-    fn look_at(
-        &mut self,
-        path: &Path,
-        now: SystemTime,
-        age_min: Duration,
-        is_unfinished: impl FnOnce(&fs::Metadata) -> bool,
-    ) {
-        let Ok(file) = fs::metadata(path) else { return };
-        if !is_unfinished(&file) {
-            return;
-        }
-        let seconds = u64::try_from(file.ctime()).unwrap_or_default();
-        let nanoseconds = u32::try_from(file.ctime_nsec()).unwrap_or_default();
-        let changed = SystemTime::UNIX_EPOCH + Duration::new(seconds, nanoseconds);
-        if now.duration_since(changed).unwrap_or_default() < age_min {
-            self.unfinished += 1;
-        } else if fs::remove_file(path).is_ok() || fs::remove_dir_all(path).is_ok() {
-            self.removed += 1;
-        }
-    }
 }
 
 /// Refuses what cannot be part of a file name, a topic and a command line alike.
@@ -413,14 +193,6 @@ pub(crate) fn check_name(name: &str) -> Result<()> {
     } else {
         Err(Error::Name { name: name.to_owned() })
     }
-}
-
-fn stat_shared_memory() -> Result<rustix::fs::StatVfs> {
-    let failed = |cause: rustix::io::Errno| Error::File {
-        path: PathBuf::from(SHARED_MEMORY),
-        cause: cause.into(),
-    };
-    rustix::fs::statvfs(SHARED_MEMORY).map_err(failed)
 }
 
 fn runtime_directory() -> PathBuf {

@@ -1,0 +1,154 @@
+//! What runs leave, and processes that are killed, and how it is removed.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, SystemTime};
+
+use super::{LOCK, Namespace};
+use crate::{EmergencyStop, clock};
+
+/// How a service says what it is, and when it is whole: nobody may write it any more.
+const STATIC_FILES: [&str; 5] =
+    [".service", ".service_tag", ".port_tag", ".details", ".type_definition"];
+
+/// [-] A node's files that say whether it lives: monitor, context and the owner's lock.
+const MONITOR_FILES: usize = 3;
+
+/// A file that its maker has not yet opened to others.
+const UNFINISHED_MODE: u32 = 0o200;
+
+/// What a look for unfinished files came to.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Swept {
+    /// [-] Files that were removed.
+    pub removed: usize,
+    /// [-] Files that may be unfinished because somebody is at work on them.
+    pub unfinished: usize,
+}
+
+impl Namespace {
+    /// Removes what a former run left, but not the lock and no emergency stop. Only for one who holds it while nothing
+    /// of the run lives.
+    pub fn clear(&self) -> Vec<PathBuf> {
+        let entries = fs::read_dir(&self.directory).into_iter().flatten().flatten();
+        let mut left = self.remove_segments();
+        left.extend(
+            entries
+                .filter(|entry| {
+                    ![LOCK, EmergencyStop::FILE].iter().any(|kept| entry.file_name() == *kept)
+                })
+                .map(|entry| entry.path())
+                .filter(|path| fs::remove_dir_all(path).is_err() && fs::remove_file(path).is_err()),
+        );
+        left
+    }
+
+    /// Removes every file of the robot. Only for one who holds the lock while nothing of the run
+    /// lives. Returns what could not be removed.
+    pub fn remove(&self) -> Vec<PathBuf> {
+        let left = self.clear();
+        let _ = fs::remove_file(self.lock());
+        // It stays with an emergency stop, which outlives the run, or where the next run has begun.
+        let _ = fs::remove_dir(&self.directory);
+        // The directory above goes too, unless another robot lives there.
+        if let Some(runtime) = self.directory.parent() {
+            let _ = fs::remove_dir(runtime);
+        }
+        left
+    }
+
+    fn remove_segments(&self) -> Vec<PathBuf> {
+        self.segments().filter(|path| fs::remove_file(path).is_err()).collect()
+    }
+
+    /// Removes what a process that was killed while it made it left unfinished, if it is older than
+    /// `age_min`: iceoryx2 0.10.0 waits for such files for ever, or never removes them. While others
+    /// live this is safe with an `age_min` that no living maker needs. Only for the supervisor.
+    pub fn sweep_unfinished(&self, age_min: Duration) -> Swept {
+        let mut swept = Swept::default();
+        let now = clock::wall();
+        for path in self.segments() {
+            let is_unfinished =
+                |file: &fs::Metadata| file.len() == 0 || file.mode() & 0o777 == UNFINISHED_MODE;
+            swept.look_at(&path, now, age_min, is_unfinished);
+        }
+        self.sweep_tree(&self.directory, now, age_min, &mut swept);
+        swept
+    }
+
+    /// The transport's own files: what describes services and ports, and the nodes' monitors.
+    fn sweep_tree(&self, directory: &Path, now: SystemTime, age_min: Duration, swept: &mut Swept) {
+        let entries: Vec<_> = fs::read_dir(directory).into_iter().flatten().flatten().collect();
+        for entry in &entries {
+            let path = entry.path();
+            let is_static = STATIC_FILES
+                .iter()
+                .any(|end| entry.file_name().as_encoded_bytes().ends_with(end.as_bytes()));
+            if path.is_dir() {
+                self.sweep_tree(&path, now, age_min, swept);
+            } else if is_static {
+                swept.look_at(&path, now, age_min, |file| file.mode() & 0o200 != 0);
+            }
+        }
+        if directory.file_name().is_some_and(|name| name == "nodes") {
+            self.sweep_monitors(&entries, now, age_min, swept);
+        }
+    }
+
+    /// A node whose monitor is incomplete is neither alive nor dead to the transport.
+    fn sweep_monitors(
+        &self,
+        entries: &[fs::DirEntry],
+        now: SystemTime,
+        age_min: Duration,
+        swept: &mut Swept,
+    ) {
+        // `PREFIX_NUMBER.node_monitor` and its like lie beside the directory `NUMBER`.
+        let mut nodes: BTreeMap<String, Vec<PathBuf>> = BTreeMap::new();
+        for entry in entries {
+            let name = entry.file_name().to_string_lossy().into_owned();
+            let stem = name.split('.').next().unwrap_or_default();
+            let number = stem.strip_prefix(&self.prefix).unwrap_or(stem);
+            nodes.entry(number.to_owned()).or_default().push(entry.path());
+        }
+        for paths in nodes.values() {
+            let monitors: Vec<_> = paths.iter().filter(|path| path.is_file()).collect();
+            let is_closed = |path: &&&PathBuf| {
+                fs::metadata(path).is_ok_and(|file| file.mode() & 0o777 == UNFINISHED_MODE)
+            };
+            let is_whole =
+                MONITOR_FILES <= monitors.len() && monitors.iter().filter(is_closed).count() == 0;
+            if !is_whole {
+                for path in paths {
+                    swept.look_at(path, now, age_min, |_| true);
+                }
+            }
+        }
+    }
+}
+
+impl Swept {
+    /// Removes `path` if it is unfinished and nobody can be at work on it any more.
+    fn look_at(
+        &mut self,
+        path: &Path,
+        now: SystemTime,
+        age_min: Duration,
+        is_unfinished: impl FnOnce(&fs::Metadata) -> bool,
+    ) {
+        let Ok(file) = fs::metadata(path) else { return };
+        if !is_unfinished(&file) {
+            return;
+        }
+        let seconds = u64::try_from(file.ctime()).unwrap_or_default();
+        let nanoseconds = u32::try_from(file.ctime_nsec()).unwrap_or_default();
+        let changed = SystemTime::UNIX_EPOCH + Duration::new(seconds, nanoseconds);
+        if now.duration_since(changed).unwrap_or_default() < age_min {
+            self.unfinished += 1;
+        } else if fs::remove_file(path).is_ok() || fs::remove_dir_all(path).is_ok() {
+            self.removed += 1;
+        }
+    }
+}
