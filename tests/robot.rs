@@ -100,6 +100,11 @@ impl Robot {
 
     /// Starts `teseo` with these arguments.
     pub(crate) fn start(&self, arguments: &[&str]) -> Run<'_> {
+        self.start_in(&[], arguments)
+    }
+
+    /// The same with variables in its environment.
+    pub(crate) fn start_in(&self, environment: &[(&str, &str)], arguments: &[&str]) -> Run<'_> {
         let output = |name: &str| {
             let number = ROBOTS.fetch_add(1, Ordering::Relaxed);
             self.directory.join(format!("{name}-{number}"))
@@ -109,6 +114,7 @@ impl Robot {
             .args(arguments)
             .current_dir(env!("CARGO_MANIFEST_DIR"))
             .env("TESEO_RUNTIME_DIR", self.runtime())
+            .envs(environment.iter().copied())
             .stdin(Stdio::null())
             .stdout(File::create(&out).unwrap())
             .stderr(File::create(&err).unwrap())

@@ -441,6 +441,29 @@ fn a_node_that_publishes_on_events_only_is_ready_before_the_first() {
 }
 
 #[test]
+fn systemd_is_asked_for_time_on_the_way_up_and_down_but_not_in_between() {
+    let robot = Robot::new();
+    let path = robot.file("systemd", "");
+    fs::remove_file(&path).unwrap();
+    let systemd = std::os::unix::net::UnixDatagram::bind(&path).unwrap();
+    systemd.set_nonblocking(true).unwrap();
+    let environment = [("NOTIFY_SOCKET", path.as_str())];
+    let run = robot.start_in(&environment, &["up", &lab_robot(&robot, &[])]);
+    run.await_count("READY", 1).go_on(Duration::from_millis(1_500)).stop();
+
+    let mut bytes = [0; 1_000];
+    let said = std::iter::from_fn(|| {
+        let length = systemd.recv(&mut bytes).ok()?;
+        let text = String::from_utf8(bytes[..length].to_vec()).unwrap();
+        Some(text.split('=').next().unwrap().to_owned())
+    });
+    let mut said: Vec<_> = said.filter(|word| word != "STATUS" && word != "WATCHDOG").collect();
+    // The slower the machine, the more often it is asked.
+    said.dedup();
+    assert_eq!(said, ["EXTEND_TIMEOUT_USEC", "READY", "STOPPING", "EXTEND_TIMEOUT_USEC"]);
+}
+
+#[test]
 fn strangers_on_the_notify_socket_change_nothing() {
     let robot = Robot::new();
     let run = ready(&robot, &[]);

@@ -42,6 +42,13 @@ pub(crate) const UNFINISHED_WAIT: Duration = Duration::from_secs(1);
 /// Between two looks at what is unfinished.
 pub(crate) const POLL_POSTPONED: Duration = Duration::from_millis(10);
 
+/// On the way up and down, systemd waits this long after the supervisor was last heard. It is the
+/// machine that gives up: its time-outs know which node it is, and which have asked for more time.
+const EXTENSION: Duration = Duration::from_secs(5);
+
+/// Often enough that some may come late.
+const EXTENSION_PERIOD: Duration = Duration::from_secs(1);
+
 /// [-] Of systemd's watchdog, after `sd_watchdog_enabled(3)`, which says half.
 const PINGS_PER_WATCHDOG: u32 = 3;
 
@@ -84,6 +91,7 @@ pub(crate) struct Supervisor<'a> {
     systemd: Notifier,
     systemd_period: Duration,
     systemd_due: Stamp,
+    extension_due: Stamp,
     activated: Option<Stamp>,
     stopped: Option<Stamp>,
     stop_requests: u32,
@@ -125,6 +133,7 @@ impl<'a> Supervisor<'a> {
             systemd: Notifier::from_environment(),
             systemd_period: watchdog_period(),
             systemd_due: now,
+            extension_due: now,
             activated: None,
             stopped: None,
             stop_requests: 0,
@@ -317,6 +326,7 @@ impl<'a> Supervisor<'a> {
             }
             Told::GoingDown { cause } => {
                 self.stopped = Some(now);
+                self.extension_due = now;
                 self.members.iter_mut().for_each(Member::measure_memory);
                 self.systemd.stopping();
                 self.systemd.status(&format!("going down: {cause}"));
@@ -368,6 +378,12 @@ impl<'a> Supervisor<'a> {
         if self.systemd_due <= now {
             self.systemd_due = now.after(self.systemd_period);
             self.systemd.watchdog();
+        }
+        // In between, systemd would take it for the time that the robot may run.
+        let is_on_its_way = self.ready_after.is_none() || self.stopped.is_some();
+        if is_on_its_way && self.extension_due <= now {
+            self.extension_due = now.after(EXTENSION_PERIOD);
+            self.systemd.extend_timeout(EXTENSION);
         }
     }
 
