@@ -30,6 +30,7 @@ pub mod config;
 pub mod deadman;
 mod error;
 mod estop;
+pub mod faults;
 mod figures;
 pub mod launch;
 pub mod log;
