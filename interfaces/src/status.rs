@@ -24,9 +24,9 @@ pub struct PortStatus {
     pub on_event: u8,
     /// [-] Zero.
     pub reserved: [u8; 6],
-    /// [-] Samples sent, or taken from the queue while active.
+    /// [-] Samples sent, or taken from the queue while active; one that came twice counts once.
     pub samples: u64,
-    /// [-] Samples overwritten before they were received: gaps in the sequence.
+    /// [-] Samples overwritten before they were received, or never sent: gaps in the sequence.
     pub lost: u64,
     /// [-] Samples that were still queued, and dropped, when the node was deactivated.
     pub unread: u64,

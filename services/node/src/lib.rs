@@ -25,6 +25,7 @@
 #![forbid(unsafe_code)]
 
 mod arguments;
+mod arrivals;
 pub mod clock;
 pub mod config;
 pub mod deadman;

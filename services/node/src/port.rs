@@ -10,6 +10,7 @@ use iceoryx2::prelude::{CallbackProgression, PortFactory as _, ipc};
 use interfaces::{Loss, Message, PortStatus, Text};
 use xxhash_rust::xxh3::Xxh3;
 
+use crate::arrivals::{Arrival, Arrivals};
 use crate::session::Service;
 use crate::wake::Wakers;
 use crate::{Error, Result};
@@ -169,7 +170,7 @@ struct Received<T: Message> {
     /// Held, so that the topic stays while the reader does.
     _service: Service<T>,
     epoch: Cell<u32>,
-    next_sequence: Cell<u64>,
+    arrivals: Cell<Arrivals>,
     samples: Cell<u64>,
     lost: Cell<u64>,
     unread: Cell<u64>,
@@ -189,7 +190,7 @@ impl<T: Message> Subscriber<T> {
             port,
             _service: service,
             epoch: Cell::new(0),
-            next_sequence: Cell::new(0),
+            arrivals: Cell::default(),
             samples: Cell::new(0),
             lost: Cell::new(0),
             unread: Cell::new(0),
@@ -200,11 +201,7 @@ impl<T: Message> Subscriber<T> {
 
     /// The oldest sample that is queued, borrowed where it lies in shared memory.
     pub fn receive(&mut self) -> Result<Option<Sample<T>>> {
-        let sample = self.state.next()?;
-        if sample.is_some() {
-            self.state.samples.set(self.state.samples.get() + 1);
-        }
-        Ok(sample)
+        self.state.next(&self.state.samples)
     }
 
     /// The newest sample that is queued; the older ones are received too, and dropped.
@@ -231,8 +228,8 @@ impl<T: Message> fmt::Debug for Subscriber<T> {
 }
 
 impl<T: Message> Received<T> {
-    /// The next sample of the publisher's newest life.
-    fn next(&self) -> Result<Option<Sample<T>>> {
+    /// The next sample of the publisher's newest life, counted by `counter` unless it was before.
+    fn next(&self, counter: &Cell<u64>) -> Result<Option<Sample<T>>> {
         loop {
             let received = self.port.receive().map_err(|cause| {
                 Error::shared_memory(format!("receive from topic '{}'", self.topic), cause)
@@ -244,14 +241,27 @@ impl<T: Message> Received<T> {
                 continue;
             }
             if header.epoch == self.epoch.get() {
-                let gap = header.sequence.saturating_sub(self.next_sequence.get());
-                self.lost.set(self.lost.get() + gap);
+                self.count(header.sequence, counter);
+            } else {
+                self.epoch.set(header.epoch);
+                self.arrivals.set(Arrivals::from(header.sequence));
+                counter.set(counter.get() + 1);
             }
-            self.epoch.set(header.epoch);
-            // Another process wrote the number.
-            self.next_sequence.set(header.sequence.saturating_add(1));
             return Ok(Some(Sample(sample)));
         }
+    }
+
+    /// Sent is what is received and what is lost, in whatever order and however often it comes.
+    fn count(&self, sequence: u64, counter: &Cell<u64>) {
+        let mut arrivals = self.arrivals.get();
+        let lost = self.lost.get();
+        match arrivals.note(sequence) {
+            Arrival::Newest { missing } => self.lost.set(lost.saturating_add(missing)),
+            Arrival::Late => self.lost.set(lost.saturating_sub(1)),
+            Arrival::Again => return,
+        }
+        self.arrivals.set(arrivals);
+        counter.set(counter.get() + 1);
     }
 }
 
@@ -276,9 +286,7 @@ impl<T: Message> Port for Received<T> {
             // How things stand is worth knowing however long ago they came to stand so.
             return Ok(());
         }
-        while self.next()?.is_some() {
-            self.unread.set(self.unread.get() + 1);
-        }
+        while self.next(&self.unread)?.is_some() {}
         Ok(())
     }
 }

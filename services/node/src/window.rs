@@ -38,10 +38,11 @@ impl<T: Message + 'static> Window<T> {
     pub fn find(&self, sequence: u64, epoch: u32) -> Lookup<'_, T> {
         let wanted = (epoch, sequence);
         let place = |sample: &Sample<T>| (sample.header().epoch, sample.header().sequence);
-        match self.samples.iter().rev().find(|sample| place(sample) <= wanted) {
-            Some(sample) if place(sample) == wanted => Lookup::Here(sample),
-            _ if self.samples.back().is_some_and(|newest| wanted < place(newest)) => Lookup::Gone,
-            _ => Lookup::NotYet,
+        // Not a search in an order: a sample may have overtaken another.
+        match self.samples.iter().rev().find(|sample| place(sample) == wanted) {
+            Some(sample) => Lookup::Here(sample),
+            None if self.samples.iter().any(|sample| wanted < place(sample)) => Lookup::Gone,
+            None => Lookup::NotYet,
         }
     }
 }
