@@ -16,8 +16,8 @@ fn a_robot_with_lost_late_and_stalled_samples_keeps_going_and_can_explain_every_
         "config/noisy_simulation.toml",
         "--clock=realtime",
         "--for=60",
-        "--set=simulator.faults.scan_loss=0.2",
-        "--set=simulator.faults.scan_jitter_s=0.01",
+        "--set=simulator.faults.scan.loss=0.2",
+        "--set=simulator.faults.scan.delay_max_s=0.01",
         "--set=pairing.slop_ms=50",
         "--set=pairing.max_age_ms=500",
     ]);
@@ -42,7 +42,13 @@ fn a_robot_with_lost_late_and_stalled_samples_keeps_going_and_can_explain_every_
             "the books of {topic} do not close\n{}",
             ended.story()
         );
-        assert_eq!(ended.topics()[topic]["lost"], 0, "{}", ended.story());
+        let lost_on_purpose = match topic {
+            "scan" => ended.figure("simulator", "faults_scan_lost"),
+            _ => 0.0,
+        };
+        let lost = ended.topics()[topic]["readers"]["pairing"]["lost"].as_f64().unwrap();
+        // The last one may be lost unseen.
+        assert!((lost_on_purpose - lost).abs() < 1.5, "{lost} of {topic}\n{}", ended.story());
     }
     // Of 1200 scans a fifth is never sent; its odometry finds no partner.
     assert!((700.0..1100.0).contains(&pairs), "{pairs} pairs\n{}", ended.story());

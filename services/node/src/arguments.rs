@@ -8,7 +8,8 @@ use clap::{Args, CommandFactory, FromArgMatches, Parser};
 use interfaces::Stamp;
 use rustix::process::{Pid, Signal};
 
-use crate::config::{Errors, Parameters, Setting};
+use crate::config::{Errors, Parameters, Report, Setting};
+use crate::faults::FaultsByTopic;
 use crate::launch::Launch;
 use crate::{Clock, Error, Namespace, Node, Notifier, Result, Wait, clock, log, managed, signal};
 
@@ -152,6 +153,15 @@ impl Settings {
     /// where they cannot be read, which that process will say itself.
     pub fn view<T: Parameters>(&self, name: &str) -> Option<T> {
         self.launch.parameters(name, &self.sets).ok()
+    }
+
+    /// What goes wrong on purpose with the node's topics, and what else `check` finds wrong with
+    /// that.
+    pub(crate) fn faults(
+        &self,
+        check: impl FnOnce(&FaultsByTopic, &mut Report<'_>),
+    ) -> Result<FaultsByTopic> {
+        Ok(self.launch.faults(&self.name, &self.sets, check)?)
     }
 
     pub(crate) const fn autostart(&self) -> bool {

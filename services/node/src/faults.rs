@@ -139,14 +139,47 @@ impl Parameters for Faults {
     }
 }
 
-/// By topic, as a launch file says it of one process.
-impl Parameters for BTreeMap<String, Faults> {
+impl Parameters for FaultsByTopic {
     fn check(&self, report: &mut Report<'_>) {
         for (topic, faults) in self {
             faults.check(&mut report.within(topic));
         }
     }
 }
+
+/// What goes wrong on purpose with the topics of one process, by topic.
+pub(crate) type FaultsByTopic = BTreeMap<String, Faults>;
+
+/// What a node's status says of the faults of one topic.
+pub(crate) struct Figure {
+    /// [-] What has happened.
+    pub(crate) name: &'static str,
+    /// The setting without which it never does.
+    setting: fn(&Faults) -> f64,
+    /// [-] How often it has.
+    pub(crate) count: fn(&FaultCounts) -> u64,
+}
+
+impl Faults {
+    /// The figures that can be other than zero: a status has room for few.
+    pub(crate) fn figures(&self) -> impl Iterator<Item = &'static Figure> {
+        FIGURES.iter().filter(|figure| 0.0 < (figure.setting)(self))
+    }
+}
+
+const FIGURES: [Figure; 7] = [
+    Figure { name: "lost", setting: |_| 1.0, count: FaultCounts::missing },
+    Figure { name: "delayed", setting: |set| set.delay_max_s, count: |counts| counts.delayed },
+    Figure { name: "duplicated", setting: |set| set.duplicate, count: |counts| counts.duplicated },
+    Figure { name: "reordered", setting: |set| set.reorder, count: |counts| counts.reordered },
+    Figure { name: "corrupted", setting: |set| set.corrupt, count: |counts| counts.corrupted },
+    Figure {
+        name: "stamps_moved",
+        setting: |set| set.stamp_jump,
+        count: |counts| counts.stamps_moved,
+    },
+    Figure { name: "stalls", setting: |set| set.stall, count: |counts| counts.stalls },
+];
 
 /// What is wrong with [`Faults`].
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -73,6 +73,11 @@ impl Figures {
         latency
     }
 
+    /// A gauge for which there may be no room: of what no node reckons with.
+    pub(crate) fn gauge_if_fits(&mut self, key: &str) -> Option<Gauge> {
+        (self.count() < VALUES_MAX).then(|| self.gauge(key))
+    }
+
     pub(crate) fn clear(&mut self) {
         self.gauges.clear();
         self.latencies.clear();
@@ -96,8 +101,11 @@ impl Figures {
         count
     }
 
+    fn count(&self) -> usize {
+        self.gauges.len() + 3 * self.latencies.len()
+    }
+
     fn assert_room(&self) {
-        let figures = self.gauges.len() + 3 * self.latencies.len();
-        assert!(figures <= VALUES_MAX, "a node reports at most {VALUES_MAX} figures");
+        assert!(self.count() <= VALUES_MAX, "a node reports at most {VALUES_MAX} figures");
     }
 }

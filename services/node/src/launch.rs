@@ -11,6 +11,7 @@ use serde::Deserialize;
 pub use process::{Kind, Process, Restart, Strategy};
 
 use crate::config::{Errors, Layers, Parameters, Report, Setting};
+use crate::faults::FaultsByTopic;
 use crate::namespace::check_name;
 use crate::pairing::{self, offline::Algorithm};
 use crate::{Clock, Wait};
@@ -87,6 +88,9 @@ impl Default for PairingParameters {
 /// [-] As many processes as one wake-up channel serves with room to spare.
 const PROCESSES_MAX: usize = 24;
 
+/// What `--set NAME.faults.TOPIC.KEY=VALUE` has after the name of the process.
+const FAULTS: &str = "faults";
+
 /// The keys of a launch file that the command line can set.
 const KEYS: [&str; 7] = ["robot", "clock", "seed", "until", "for_s", "wait", "pairing"];
 
@@ -104,11 +108,21 @@ impl Launch {
         check: impl FnOnce(&Self, &mut Report<'_>),
     ) -> Result<Self, Errors> {
         let own = sets.iter().filter(|set| KEYS.contains(&set.scope()));
-        let launch: Self = Layers::new().file(path).settings(own).parse_and(check)?;
+        let mut errors = Errors::default();
+        let read = Layers::new().file(path).settings(own).parse_and(|launch: &Self, report| {
+            errors = launch.check_faults(sets, !report.is_mended("clock"));
+            check(launch, report);
+        });
+        let launch = match read {
+            Ok(launch) => launch,
+            Err(others) => {
+                errors.extend(others);
+                return Err(errors);
+            }
+        };
         let processes = launch.process.iter().map(|process| process.name.as_str());
         let scopes: Vec<_> = KEYS.into_iter().chain(processes).collect();
         let strangers = sets.iter().filter(|set| !scopes.contains(&set.scope()));
-        let mut errors = Errors::default();
         errors.extend(strangers.map(|set| set.unknown(&scopes)));
         if errors.is_empty() { Ok(launch) } else { Err(errors) }
     }
@@ -116,12 +130,50 @@ impl Launch {
     /// The parameters of the process called `name`: the defaults, then its parameter file, then the
     /// launch file, then the command line.
     pub fn parameters<T: Parameters>(&self, name: &str, sets: &[Setting]) -> Result<T, Errors> {
-        let own: Vec<_> = sets.iter().filter_map(|set| set.within(name)).collect();
+        let own = sets.iter().filter_map(|set| set.within(name));
+        let own: Vec<_> = own.filter(|set| set.scope() != FAULTS).collect();
         let mut layers = Layers::new();
         if let Some(process) = self.process(name) {
             layers = layers.named(process.parameters_file.as_ref()).table(&process.parameters);
         }
         layers.settings(&own).parse()
+    }
+
+    /// What goes wrong on purpose with the topics of the process called `name`, and what else
+    /// `check` finds wrong with that.
+    pub(crate) fn faults(
+        &self,
+        name: &str,
+        sets: &[Setting],
+        check: impl FnOnce(&FaultsByTopic, &mut Report<'_>),
+    ) -> Result<FaultsByTopic, Errors> {
+        let own = sets.iter().filter_map(|set| set.within(name)?.within(FAULTS));
+        let own: Vec<_> = own.collect();
+        let process = self.process(name).map(|process| &process.faults);
+        process.into_iter().fold(Layers::new(), Layers::table).settings(&own).parse_and(check)
+    }
+
+    /// What is wrong with the faults of all processes, apart from their topics, which each process
+    /// knows itself.
+    fn check_faults(&self, sets: &[Setting], is_clock_known: bool) -> Errors {
+        let is_lockstep = is_clock_known && self.clock == Clock::Lockstep;
+        let mut errors = Errors::default();
+        for process in &self.process {
+            let read = self.faults(&process.name, sets, |faults, report| {
+                for (topic, _) in faults.iter().filter(|(_, faults)| !faults.is_none()) {
+                    if is_lockstep {
+                        let help = "run it in real time (--clock realtime)";
+                        report.refuse(topic, "would stall a robot in lock-step for good", help);
+                    }
+                    if !process.is_managed() {
+                        let help = "leave it out; nodes of type = \"lifecycle\" have faults";
+                        report.refuse(topic, "is sent past our ports", help);
+                    }
+                }
+            });
+            errors.extend(read.err().into_iter().flatten());
+        }
+        errors
     }
 
     /// How the process called `name` waits.

@@ -6,13 +6,16 @@ use std::time::Duration;
 use iceoryx2::prelude::{SignalHandlingMode, WaitSetBuilder, ipc};
 use interfaces::topics::{CHANGE_STATE, STATUS, TRANSITION_EVENT};
 use interfaces::{
-    ChangeState, Message, NodeStatus, Outcome, PORTS_MAX, PortStatus, Stamp, State, Text, Topic,
-    Transition, TransitionEvent,
+    ChangeState, Message, NodeStatus, Outcome, PORTS_MAX, PortStatus, Scope, Stamp, State, Text,
+    Topic, Transition, TransitionEvent,
 };
+use xxhash_rust::xxh3::xxh3_64_with_seed;
 
 use rustix::process::{Pid, getppid};
 
 use crate::arguments;
+use crate::config;
+use crate::faults::{Faults, FaultyLink, Figure};
 use crate::figures::Figures;
 use crate::port::Port;
 use crate::wake::Waiter;
@@ -57,6 +60,7 @@ pub struct Node<'a> {
     greeting_due: Stamp,
     report: Box<NodeStatus>,
     ports: Vec<Counted>,
+    faulty: Vec<Faulty>,
     figures: Figures,
     state: State,
     pending: Option<(Transition, Stamp)>,
@@ -112,6 +116,20 @@ impl std::fmt::Debug for Counted {
     }
 }
 
+/// A port on whose topic something goes wrong on purpose, and what it says of that.
+struct Faulty {
+    topic: &'static str,
+    faults: Faults,
+    port: Rc<dyn Port>,
+    gauges: Vec<(Gauge, &'static Figure)>,
+}
+
+impl std::fmt::Debug for Faulty {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter.write_str(self.topic)
+    }
+}
+
 /// Runs `body` as a managed node until it is shut down. `body` opens its ports and then loops over
 /// [`Node::tick`]; it is called anew for every `configure`.
 pub fn run_with(settings: &Settings, body: impl FnMut(&mut Node<'_>) -> Result) -> Result {
@@ -152,6 +170,7 @@ impl<'a> Node<'a> {
             greeting_due: Stamp::ZERO,
             report,
             ports: Vec::new(),
+            faulty: Vec::new(),
             figures: Figures::default(),
             state: State::Unknown,
             pending: None,
@@ -194,7 +213,19 @@ impl<'a> Node<'a> {
     /// Becomes the one publisher of `topic`, and promises a steady flow: the robot is ready only when
     /// something has come, and a silence of a second is a fault.
     pub fn publish<T: Message>(&mut self, topic: &Topic<T>) -> Result<Publisher<T>> {
-        let publisher = self.session.publisher(topic)?;
+        let mut publisher = self.session.publisher(topic)?;
+        let faults = self.settings.faults(|_, _| {})?;
+        if topic.scope == Scope::Robot
+            && let Some(faults) = faults.get(topic.name)
+        {
+            // A life that its own faults have ended must not meet the same ones again.
+            let life = u64::from(self.settings.epoch());
+            let stream = xxh3_64_with_seed(topic.name.as_bytes(), life);
+            let link = FaultyLink::new(faults, self.settings.launch().seed, stream);
+            publisher = publisher.with_faults(link);
+            let (port, faults) = (publisher.port(), *faults);
+            self.faulty.push(Faulty { topic: topic.name, faults, port, gauges: Vec::new() });
+        }
         self.ports.push(Counted::new(publisher.port()));
         Ok(publisher)
     }
@@ -299,6 +330,7 @@ impl<'a> Node<'a> {
     /// when the node has to let go of everything.
     pub fn tick(&mut self) -> Result<Option<Tick>> {
         if self.state == State::Configuring {
+            self.prepare_faults()?;
             memory::lock(self.settings)?;
             self.change(State::Inactive, "")?;
         }
@@ -306,6 +338,7 @@ impl<'a> Node<'a> {
         loop {
             let now = clock::now();
             self.ping(now);
+            self.flush(now)?;
             self.take_request(now)?;
             if let Some((transition, since)) = self.pending
                 && (!self.held || HOLD_MAX < now.since(since))
@@ -329,6 +362,36 @@ impl<'a> Node<'a> {
             self.wait(now)?;
             waited = true;
         }
+    }
+
+    /// All topics that can have faults are known now: refuses those that nobody publishes here.
+    fn prepare_faults(&mut self) -> Result {
+        let published: Vec<_> = self.faulty.iter().map(|faulty| faulty.topic).collect();
+        let ports = self.ports.iter().map(|port| port.port.status());
+        let ports = ports.filter(|port| port.publishes == 1);
+        let topics: Vec<_> = ports.map(|port| port.topic.to_string()).collect();
+        self.settings.faults(|faults, report| {
+            for topic in faults.keys().filter(|topic| !published.contains(&topic.as_str())) {
+                let message = format!("is no topic that `{}` publishes", self.settings.name());
+                report.refuse(topic, message, config::suggestion(topic, &topics));
+            }
+        })?;
+        for Faulty { topic, faults, gauges, .. } in &mut self.faulty {
+            for figure in faults.figures() {
+                let key = format!("faults_{topic}_{}", figure.name);
+                if let Some(gauge) = self.figures.gauge_if_fits(&key) {
+                    gauges.push((gauge, figure));
+                } else {
+                    tracing::warn!(key, "no room in the status");
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Sends what faults have made late.
+    fn flush(&self, now: Stamp) -> Result {
+        self.faulty.iter().try_for_each(|faulty| faulty.port.flush(now))
     }
 
     /// Tells whoever started this node that its loop turns: from here, and from no other thread.
@@ -374,7 +437,8 @@ impl<'a> Node<'a> {
         if self.state != State::Active {
             return Waiter { mode: Wait::Block, ..self.waiter }.wait(WAIT_MAX);
         }
-        let moments = [self.period.map(|_| self.due), self.alarm, Some(now.after(WAIT_MAX))];
+        let late = self.faulty.iter().filter_map(|faulty| faulty.port.due()).min();
+        let moments = [self.period.map(|_| self.due), self.alarm, late, Some(now.after(WAIT_MAX))];
         let until_due = moments.into_iter().flatten().min().map_or(WAIT_MAX, |due| due.since(now));
         if self.waiter.mode == Wait::Block && until_due < TIMEOUT_MIN {
             clock::nap(until_due);
@@ -403,6 +467,7 @@ impl<'a> Node<'a> {
                 return self.fail(error);
             }
             self.ports.clear();
+            self.faulty.clear();
             self.figures.clear();
             if self.state != State::CleaningUp {
                 break;
@@ -550,6 +615,12 @@ impl<'a> Node<'a> {
 
     fn send_status(&mut self, now: Stamp) -> Result {
         self.status_due = now.after(STATUS_PERIOD);
+        for faulty in &self.faulty {
+            let counts = faulty.port.faults();
+            for (gauge, figure) in &faulty.gauges {
+                gauge.set((figure.count)(&counts) as f64);
+            }
+        }
         let report = &mut *self.report;
         report.header.stamp = now;
         report.state = self.state as u8;

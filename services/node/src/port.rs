@@ -7,42 +7,66 @@ use std::rc::Rc;
 
 use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::prelude::{CallbackProgression, PortFactory as _, ipc};
-use interfaces::{Loss, Message, PortStatus, Text};
+use interfaces::{Loss, Message, PortStatus, Stamp, Text};
 use xxhash_rust::xxh3::Xxh3;
 
 use crate::arrivals::{Arrival, Arrivals};
+use crate::faults::{FaultCounts, FaultyLink};
 use crate::session::Service;
 use crate::wake::Wakers;
-use crate::{Error, Result};
+use crate::{Error, Result, clock};
 
 /// What a node asks of its own ports.
 pub(crate) trait Port {
     /// Its counters.
     fn status(&self) -> PortStatus;
 
-    /// Drops what is queued, unless it is latched, and counts it as unread.
+    /// Drops what is queued, unless it is latched, and counts it as unread, or what is under way, as
+    /// lost.
     fn drain(&self) -> Result<()>;
 
     /// Whether a topic that it publishes has carried something.
     fn has_flowed(&self) -> bool;
+
+    /// Sends what is due by now; only a port with faults has anything to send late.
+    fn flush(&self, _now: Stamp) -> Result<()> {
+        Ok(())
+    }
+
+    /// When something will be due.
+    fn due(&self) -> Option<Stamp> {
+        None
+    }
+
+    /// What went wrong on purpose.
+    fn faults(&self) -> FaultCounts {
+        FaultCounts::default()
+    }
 }
 
 /// The one publisher of a topic.
 pub struct Publisher<T: Message> {
+    state: Rc<Sent<T>>,
+}
+
+/// A publisher's port, and what it has sent so far.
+struct Sent<T: Message> {
+    topic: String,
     port: iceoryx2::port::publisher::Publisher<ipc::Service, T, ()>,
     service: Service<T>,
     wakers: Rc<Wakers>,
-    readers: Vec<String>,
-    reader_count: usize,
+    readers: RefCell<Readers>,
     epoch: u32,
-    state: Rc<Sent>,
-}
-
-/// What a publisher has sent so far.
-struct Sent {
-    topic: String,
     samples: Cell<u64>,
     digest: Option<RefCell<Xxh3>>,
+    faults: Option<RefCell<FaultyLink<T>>>,
+}
+
+/// The readers of a topic, by name.
+#[derive(Default)]
+struct Readers {
+    count: usize,
+    names: Vec<String>,
 }
 
 impl<T: Message> Publisher<T> {
@@ -54,35 +78,47 @@ impl<T: Message> Publisher<T> {
         wakers: Rc<Wakers>,
         digests: bool,
     ) -> Self {
-        let digest = digests.then(|| RefCell::new(Xxh3::new()));
-        let state = Sent { topic, samples: Cell::new(0), digest };
-        Self {
+        let state = Sent {
+            topic,
             port,
             service,
             wakers,
-            readers: Vec::new(),
-            reader_count: 0,
+            readers: RefCell::default(),
             epoch,
-            state: Rc::new(state),
-        }
+            samples: Cell::new(0),
+            digest: digests.then(|| RefCell::new(Xxh3::new())),
+            faults: None,
+        };
+        Self { state: Rc::new(state) }
+    }
+
+    /// From now on samples fare as `link` has it.
+    pub(crate) fn with_faults(mut self, link: FaultyLink<T>) -> Self {
+        let state = Rc::get_mut(&mut self.state);
+        let state = state.unwrap_or_else(|| unreachable!("nobody else has it before it is used"));
+        state.faults = Some(RefCell::new(link));
+        self
     }
 
     /// Sends one sample, written by `fill` where it lies in shared memory. `fill` sees a zeroed
     /// sample and sets its stamp; sequence number and epoch are the port's.
     pub fn send_with(&mut self, fill: impl FnOnce(&mut T)) -> Result<()> {
-        let mut sample =
-            self.port.loan().map_err(|cause| self.failed("take shared memory for", cause))?;
-        let message = sample.payload_mut();
-        fill(message);
-        let header = message.header_mut();
-        header.sequence = self.state.samples.get();
-        header.epoch = self.epoch;
-        if let Some(digest) = &self.state.digest {
-            digest.borrow_mut().update(bytemuck::bytes_of(message));
+        let state = &self.state;
+        match &state.faults {
+            None => state.send_with(|sample| {
+                fill(sample);
+                state.sign(sample);
+            })?,
+            Some(link) => {
+                let mut sample = T::default();
+                fill(&mut sample);
+                state.sign(&mut sample);
+                let now = clock::now();
+                link.borrow_mut().push(now, sample);
+                state.flush(now)?;
+            }
         }
-        sample.send().map_err(|cause| self.failed("send on", cause))?;
-        self.state.samples.set(self.state.samples.get() + 1);
-        self.wake_readers();
+        state.samples.set(state.samples.get() + 1);
         Ok(())
     }
 
@@ -94,36 +130,13 @@ impl<T: Message> Publisher<T> {
     /// Hands the newest sample of a latched topic to whoever has come since the last one was sent:
     /// nobody else does.
     pub(crate) fn greet(&self) -> Result {
-        self.port.update_connections().map_err(|cause| self.failed("greet the readers of", cause))
+        let greeted = self.state.port.update_connections();
+        greeted.map_err(|cause| self.state.failed("greet the readers of", cause))
     }
 
     /// How many readers there are.
     pub fn readers(&self) -> usize {
-        self.service.dynamic_config().number_of_subscribers()
-    }
-
-    fn wake_readers(&mut self) {
-        // A reader that restarts under its old name keeps its channel, so counting is enough.
-        let count = self.readers();
-        if count != self.reader_count {
-            self.reader_count = count;
-            self.readers.clear();
-            self.service.dynamic_config().list_subscribers(|reader| {
-                if !reader.subscriber_name.is_empty() {
-                    self.readers.push(reader.subscriber_name.to_string());
-                }
-                CallbackProgression::Continue
-            });
-            self.readers.sort();
-            self.readers.dedup();
-        }
-        for reader in &self.readers {
-            self.wakers.wake(reader);
-        }
-    }
-
-    fn failed(&self, action: &str, cause: impl fmt::Debug) -> Error {
-        Error::shared_memory(format!("{action} topic '{}'", self.state.topic), cause)
+        self.state.count_readers()
     }
 
     pub(crate) fn port(&self) -> Rc<dyn Port> {
@@ -137,7 +150,59 @@ impl<T: Message> fmt::Debug for Publisher<T> {
     }
 }
 
-impl Port for Sent {
+impl<T: Message> Sent<T> {
+    /// A lost sample has used up its number too, so that its readers can miss it.
+    fn sign(&self, sample: &mut T) {
+        let header = sample.header_mut();
+        header.sequence = self.samples.get();
+        header.epoch = self.epoch;
+    }
+
+    fn send_with(&self, fill: impl FnOnce(&mut T)) -> Result<()> {
+        let mut sample =
+            self.port.loan().map_err(|cause| self.failed("take shared memory for", cause))?;
+        let message = sample.payload_mut();
+        fill(message);
+        if let Some(digest) = &self.digest {
+            digest.borrow_mut().update(bytemuck::bytes_of(message));
+        }
+        sample.send().map_err(|cause| self.failed("send on", cause))?;
+        self.wake_readers();
+        Ok(())
+    }
+
+    fn count_readers(&self) -> usize {
+        self.service.dynamic_config().number_of_subscribers()
+    }
+
+    fn wake_readers(&self) {
+        let mut readers = self.readers.borrow_mut();
+        let Readers { count, names } = &mut *readers;
+        // A reader that restarts under its old name keeps its channel, so counting is enough.
+        let now = self.count_readers();
+        if now != *count {
+            *count = now;
+            names.clear();
+            self.service.dynamic_config().list_subscribers(|reader| {
+                if !reader.subscriber_name.is_empty() {
+                    names.push(reader.subscriber_name.to_string());
+                }
+                CallbackProgression::Continue
+            });
+            names.sort();
+            names.dedup();
+        }
+        for reader in names {
+            self.wakers.wake(reader);
+        }
+    }
+
+    fn failed(&self, action: &str, cause: impl fmt::Debug) -> Error {
+        Error::shared_memory(format!("{action} topic '{}'", self.topic), cause)
+    }
+}
+
+impl<T: Message> Port for Sent<T> {
     fn status(&self) -> PortStatus {
         PortStatus {
             topic: Text::new(&self.topic),
@@ -149,11 +214,31 @@ impl Port for Sent {
     }
 
     fn drain(&self) -> Result<()> {
+        if let Some(link) = &self.faults {
+            link.borrow_mut().abandon();
+        }
         Ok(())
     }
 
     fn has_flowed(&self) -> bool {
         0 < self.samples.get()
+    }
+
+    fn flush(&self, now: Stamp) -> Result<()> {
+        let Some(link) = &self.faults else { return Ok(()) };
+        let mut link = link.borrow_mut();
+        while let Some(sample) = link.pop(now) {
+            self.send_with(|loan| *loan = sample)?;
+        }
+        Ok(())
+    }
+
+    fn due(&self) -> Option<Stamp> {
+        self.faults.as_ref().and_then(|link| link.borrow().due())
+    }
+
+    fn faults(&self) -> FaultCounts {
+        self.faults.as_ref().map(|link| *link.borrow().counts()).unwrap_or_default()
     }
 }
 

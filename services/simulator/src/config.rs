@@ -49,18 +49,6 @@ pub struct Config {
     pub reports_pose: bool,
     /// Which commands may drive the wheels, and what stops them.
     pub deadman: deadman::Config,
-    /// What goes wrong on purpose.
-    pub faults: Faults,
-}
-
-/// What goes wrong on purpose, in real time only: lock-step needs every sample.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Faults {
-    /// [-] The share of scans that are never sent.
-    pub scan_loss: f64,
-    /// [s] Scans are stamped up to this much before they are sent.
-    pub scan_jitter_s: f64,
 }
 
 /// The LiDAR and where it sits.
@@ -99,7 +87,6 @@ impl Default for Config {
             stop_at_collision: true,
             reports_pose: false,
             deadman: deadman::Config::default(),
-            faults: Faults::default(),
         }
     }
 }
@@ -138,22 +125,7 @@ impl Config {
         for value in self.goal_m.into_iter().flatten() {
             finite("goal_m", value)?;
         }
-        self.faults.validate()?;
         self.lidar.validate(self.robot_radius_m)
-    }
-}
-
-impl Faults {
-    fn validate(&self) -> Result<(), ConfigError> {
-        for (key, value) in
-            [("faults.scan_loss", self.scan_loss), ("faults.scan_jitter_s", self.scan_jitter_s)]
-        {
-            finite(key, value)?;
-            if value < 0.0 {
-                return Err(ConfigError::Negative { key, value });
-            }
-        }
-        Ok(())
     }
 }
 

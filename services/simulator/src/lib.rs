@@ -20,7 +20,7 @@ mod world;
 use interfaces::{JointState, LaserScan, Pose, Stamp};
 use nalgebra::Isometry2;
 
-pub use config::{Config, ConfigError, Faults, LidarConfig};
+pub use config::{Config, ConfigError, LidarConfig};
 pub use drive::WheelLimit;
 pub use estimate::PoseError;
 pub use noise::Noise;

@@ -9,10 +9,7 @@ use node::deadman::Motion;
 use node::launch::Until;
 use node::{Clock, Error, Gauge, Latency, Node, Publisher, Result, Settings, Subscriber, Wheels};
 
-use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::{Rng, SeedableRng};
-
-use crate::{Config, Faults, Simulator, World};
+use crate::{Config, Simulator, World};
 
 /// In lock-step one lost command stalls everything: better to end and say so.
 const COMMAND_TIMEOUT: Duration = Duration::from_secs(10);
@@ -37,11 +34,6 @@ fn load(settings: &Settings) -> Result<(Config, Simulator)> {
     config.seed = settings.launch().seed;
     if settings.clock() == Clock::Realtime {
         config.substeps = substeps(config.dt_s);
-    }
-    if settings.clock() == Clock::Lockstep && config.faults != Faults::default() {
-        let message = "would stall a robot in lock-step for good";
-        let help = "run it in real time (--clock realtime)";
-        return Err(config::Error::new(Place::Default, "simulator.faults", message, help).into());
     }
     let world: World = Layers::new().named(&config.world).parse()?;
     let simulator = Simulator::new(&config, &world).map_err(|error| misfit(&config, &error))?;
@@ -195,7 +187,6 @@ struct Robot {
     wheels: Wheels,
     estimates: Subscriber<Pose>,
     was_localized: bool,
-    faults: FaultyScans,
     age: Latency,
     gauges: Gauges,
 }
@@ -224,7 +215,6 @@ impl Robot {
             wheels: Wheels::new(node, &config.deadman)?,
             estimates: node.subscribe_quietly(&POSE)?,
             was_localized: false,
-            faults: FaultyScans::new(config),
             age: node.latency("scan_to_command"),
             gauges,
         })
@@ -274,8 +264,6 @@ impl Robot {
         }
         self.report_pose(stamp)?;
         self.sensed = now;
-        let Some(delay) = self.faults.scan_delay() else { return Ok(()) };
-        let stamp = stamp.map(|stamp| stamp.before(delay));
         let simulator = &mut self.simulator;
         self.scans.send_with(|scan| {
             simulator.sense(scan);
@@ -337,36 +325,6 @@ impl Robot {
                 (Outcome::Failed, format!("{limit} s are over, no goal, cells {path}"))
             }
         })
-    }
-}
-
-/// Which scans are lost, and how old the others are: a stream of its own, so that no other draw
-/// depends on it.
-struct FaultyScans {
-    faults: Faults,
-    random: ChaCha8Rng,
-}
-
-impl FaultyScans {
-    /// [-] Of the run's seed.
-    const STREAM: u64 = 2;
-
-    fn new(config: &Config) -> Self {
-        let mut random = ChaCha8Rng::seed_from_u64(config.seed);
-        random.set_stream(Self::STREAM);
-        Self { faults: config.faults, random }
-    }
-
-    /// How old the next scan is, or `None` where it is lost.
-    fn scan_delay(&mut self) -> Option<Duration> {
-        let [lost, late] = [self.uniform(), self.uniform()];
-        let delay = Duration::from_secs_f64(late * self.faults.scan_jitter_s);
-        (self.faults.scan_loss <= lost).then_some(delay)
-    }
-
-    /// [-] In `0..1`.
-    fn uniform(&mut self) -> f64 {
-        f64::from(self.random.next_u32()) / (f64::from(u32::MAX) + 1.0)
     }
 }
 

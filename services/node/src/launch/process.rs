@@ -30,6 +30,9 @@ pub struct Process {
     /// Parameters, over those of the file; the process itself knows what they mean.
     #[serde(default)]
     pub parameters: Table,
+    /// What goes wrong on purpose with the topics it publishes; see [`crate::faults::Faults`].
+    #[serde(default)]
+    pub faults: Table,
     /// Those that are active before this one is, and stop after it.
     #[serde(default)]
     pub after: Vec<String>,

@@ -108,6 +108,7 @@ fn pairing() -> Process {
         wait: None,
         parameters_file: None,
         parameters: Table::default(),
+        faults: Table::default(),
         after: Vec::new(),
         requires: Vec::new(),
         restart: Restart::OnFailure,
