@@ -1,5 +1,9 @@
 //! What goes wrong on purpose on the topics of a whole robot, and that both sides of each can tell.
 
+use std::time::Duration;
+
+use rustix::process::Signal;
+
 use crate::robot::{Ended, Robot};
 
 /// A robot in real time that bears noise.
@@ -34,8 +38,7 @@ fn a_robot_that_loses_a_third_of_its_odometry_goes_on_and_its_readers_miss_as_ma
     }
 }
 
-// Broken on purpose: without `Node::flush` late samples came with the next one that was sent, and a
-// reader that took an older number for the newest missed some twice.
+// Broken on purpose: a reader that took the number that came last for the newest missed some twice.
 #[test]
 fn samples_that_are_late_swapped_twice_or_stalled_leave_no_hole_in_the_books() {
     let robot = Robot::new();
@@ -59,6 +62,23 @@ fn samples_that_are_late_swapped_twice_or_stalled_leave_no_hole_in_the_books() {
     }
     let silent = ended.report["nodes"]["simulator"].as_object().unwrap().keys();
     assert!(silent.clone().all(|key| !key.starts_with("faults")), "{}", ended.story());
+}
+
+// Broken on purpose: where `Node::tick` sent nothing, the last sample waited for one after it.
+#[test]
+fn a_late_sample_is_sent_when_it_is_due_though_nothing_follows_it() {
+    let robot = Robot::new();
+    let run = robot.start_up(&[
+        "config/noisy_simulation.toml",
+        "--clock=realtime",
+        "--set=odometry.faults.odom.delay_max_s=0.3",
+    ]);
+    let run = run.await_active().go_on(Duration::from_secs(2));
+    run.node("simulator").signal(Signal::STOP);
+    let ended = run.go_on(Duration::from_millis(1_500)).signal(Signal::INT).wait();
+
+    assert!(10.0 < ended.figure("odometry", "faults_odom_delayed"), "{}", ended.story());
+    assert_eq!(ended.figure("odometry", "faults_odom_lost").to_bits(), 0, "{}", ended.story());
 }
 
 #[test]
