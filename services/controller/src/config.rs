@@ -20,6 +20,8 @@ pub struct Config {
     pub period_s: f64,
     /// [s] In real time, the robot is not driven by a pair of which one sample is older.
     pub input_age_max_s: f64,
+    /// Where they go.
+    pub commands: Commands,
     /// Of the lab's follower.
     pub wall_following: WallConfig,
     /// Of the follower for noisy sensors.
@@ -46,6 +48,17 @@ pub enum Pacing {
     EveryPair,
     /// A timer, with the newest pair there is: the lab's robot.
     Timer,
+}
+
+/// Which topic the commands go to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Commands {
+    /// `cmd_vel`: straight to the wheels.
+    #[default]
+    CmdVel,
+    /// `autonomy_cmd_vel`: to a multiplexer, which chooses between the controller and others.
+    AutonomyCmdVel,
 }
 
 /// How the lab's follower reads a distance.
@@ -209,6 +222,7 @@ impl Default for Config {
             // A turn of the slowest LiDAR, 0.2 s; the lab's slop on the robot, 0.15 s; and the
             // pairs' deadline, 0.15 s, for which the timer may use a pair.
             input_age_max_s: 0.5,
+            commands: Commands::default(),
             wall_following: WallConfig::default(),
             corridor_following: CorridorConfig::default(),
         }
@@ -375,6 +389,7 @@ mod tests {
             "speed = 1",
             "algorithm = \"potential_field\"",
             "pacing = \"fast\"",
+            "commands = \"teleop_cmd_vel\"",
             "wall_following.speed = 0.1",
             "corridor_following.speed_max = 0.1",
         ];

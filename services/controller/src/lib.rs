@@ -20,7 +20,9 @@ mod walls;
 
 use interfaces::{LaserScan, Odometry, Pose, VelocityCommand};
 
-pub use config::{Algorithm, Config, ConfigError, CorridorConfig, Distances, Pacing, WallConfig};
+pub use config::{
+    Algorithm, Commands, Config, ConfigError, CorridorConfig, Distances, Pacing, WallConfig,
+};
 
 pub use run::{check, run};
 pub use unfit::Unfit;

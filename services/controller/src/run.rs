@@ -2,7 +2,9 @@
 
 use std::time::Duration;
 
-use interfaces::topics::{MOTION_STATE, ODOMETRY, POSE, SCAN, SENSOR_PAIR, VELOCITY_COMMAND};
+use interfaces::topics::{
+    AUTONOMY_COMMAND, MOTION_STATE, ODOMETRY, POSE, SCAN, SENSOR_PAIR, VELOCITY_COMMAND,
+};
 use interfaces::{
     LaserScan, MotionState, Odometry, Permission, Pose, SensorPair, Stamp, VelocityCommand,
 };
@@ -13,7 +15,7 @@ use node::{
 };
 
 use crate::unfit::{check_age, check_samples};
-use crate::{Config, Controller, Pacing, Unfit, is_handed_over};
+use crate::{Commands, Config, Controller, Pacing, Unfit, is_handed_over};
 
 /// Runs the controller as a managed node.
 pub fn run(node: &mut Node<'_>) -> Result {
@@ -123,6 +125,10 @@ enum Answer {
 
 impl Driver {
     fn new(node: &mut Node<'_>, controller: Controller, config: &Config) -> Result<Self> {
+        let commands = match config.commands {
+            Commands::CmdVel => &VELOCITY_COMMAND,
+            Commands::AutonomyCmdVel => &AUTONOMY_COMMAND,
+        };
         Ok(Self {
             controller,
             tickets: node.subscribe(&SENSOR_PAIR)?,
@@ -133,7 +139,7 @@ impl Driver {
             pose: None,
             motion_states: node.subscribe_quietly(&MOTION_STATE)?,
             is_armed: true,
-            commands: node.publish(&VELOCITY_COMMAND)?,
+            commands: node.publish(commands)?,
             clock: node.clock(),
             age_max: Duration::from_secs_f64(config.input_age_max_s),
             gone: node.gauge("tickets_whose_sample_is_gone"),

@@ -67,7 +67,9 @@ impl Settings {
         let launch = Launch::read(&arguments.config, &sets)?;
         Ok(Self {
             name: arguments.name.clone().unwrap_or_else(|| service.to_owned()),
-            epoch: arguments.epoch.unwrap_or_else(|| epoch(arguments.autostart, clock::now())),
+            epoch: arguments.epoch.unwrap_or_else(|| {
+                if arguments.autostart { uncounted_epoch(clock::now()) } else { 1 }
+            }),
             autostart: arguments.autostart,
             heeds_signals: true,
             notify: None,
@@ -182,17 +184,12 @@ impl Settings {
     }
 }
 
-/// Which life it is of a process whose lives nobody counts: one that starts at `now`.
-pub fn epoch_of(now: Stamp) -> u32 {
-    epoch(true, now)
-}
-
-/// Which life it is of a node whose lives nobody counts. One that starts by itself may have had
-/// others before, so its epoch is the time since the machine started, in tenths of a second: larger
-/// in each life, for thirteen years, where no two begin within one tenth.
-fn epoch(autostart: bool, now: Stamp) -> u32 {
+/// Which life it is of a process whose lives nobody counts, and which may have had others before: the
+/// time since the machine started, in tenths of a second. Larger in each life, for thirteen years,
+/// where no two begin within one tenth.
+pub fn uncounted_epoch(now: Stamp) -> u32 {
     let tenths = now.since(Stamp::ZERO).as_millis() / 100;
-    if autostart { u32::try_from(tenths).unwrap_or(u32::MAX).max(1) } else { 1 }
+    u32::try_from(tenths).unwrap_or(u32::MAX).max(1)
 }
 
 /// The command line's settings, and everything that is wrong with them.
@@ -282,8 +279,7 @@ mod tests {
     fn each_life_of_a_node_that_starts_by_itself_has_a_larger_epoch() {
         let later = |milliseconds| Stamp::ZERO.after(Duration::from_millis(milliseconds));
 
-        assert_eq!(epoch(true, Stamp::ZERO), 1);
-        assert!(epoch(true, later(5_000)) < epoch(true, later(5_100)));
-        assert_eq!(epoch(false, later(5_000)), 1);
+        assert_eq!(uncounted_epoch(Stamp::ZERO), 1);
+        assert!(uncounted_epoch(later(5_000)) < uncounted_epoch(later(5_100)));
     }
 }

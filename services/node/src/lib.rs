@@ -49,7 +49,8 @@ mod wheels;
 mod window;
 
 pub use arguments::{
-    Arguments, PARENT, SUPERVISOR, Settings, die_with_parent, epoch_of, exit_code, main, start,
+    Arguments, PARENT, SUPERVISOR, Settings, die_with_parent, exit_code, main, start,
+    uncounted_epoch,
 };
 pub use clock::Clock;
 pub use error::{Error, Result};

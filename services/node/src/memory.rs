@@ -1,8 +1,8 @@
 //! Memory: how much of it a robot shares, and keeping it from ever being paged.
 
 use interfaces::topics::{
-    CHANGE_STATE, JOINT_STATES, ODOMETRY, POSE, ROBOT_POSE, SCAN, SENSOR_PAIR, STATUS,
-    TRANSITION_EVENT, VELOCITY_COMMAND,
+    AUTONOMY_COMMAND, CHANGE_STATE, JOINT_STATES, ODOMETRY, POSE, ROBOT_POSE, SCAN, SENSOR_PAIR,
+    STATUS, TELEOP_COMMAND, TRANSITION_EVENT, VELOCITY_COMMAND,
 };
 use interfaces::{Message, Topic};
 use rustix::mm::{MlockAllFlags, mlockall};
@@ -57,6 +57,8 @@ pub(crate) fn need(launch: &Launch) -> u64 {
         + segment(&ODOMETRY)
         + segment(&SENSOR_PAIR)
         + segment(&VELOCITY_COMMAND)
+        + segment(&AUTONOMY_COMMAND)
+        + segment(&TELEOP_COMMAND)
         + segment(&POSE);
     let of_node = segment(&CHANGE_STATE) + segment(&TRANSITION_EVENT) + segment(&STATUS);
     (of_robot + nodes * of_node + (nodes + 1) * TABLES_PER_PROCESS) as u64

@@ -252,8 +252,7 @@ struct Received<T: Message> {
     topic: String,
     loss: Loss,
     port: iceoryx2::port::subscriber::Subscriber<ipc::Service, T, ()>,
-    /// Held, so that the topic stays while the reader does.
-    _service: Service<T>,
+    service: Service<T>,
     epoch: Cell<u32>,
     arrivals: Cell<Arrivals>,
     samples: Cell<u64>,
@@ -273,7 +272,7 @@ impl<T: Message> Subscriber<T> {
             topic,
             loss,
             port,
-            _service: service,
+            service,
             epoch: Cell::new(0),
             arrivals: Cell::default(),
             samples: Cell::new(0),
@@ -296,6 +295,11 @@ impl<T: Message> Subscriber<T> {
             latest = Some(sample);
         }
         Ok(latest)
+    }
+
+    /// Whether somebody publishes the topic. One who was killed counts until others clear it away.
+    pub fn has_publisher(&self) -> bool {
+        0 < self.state.service.dynamic_config().number_of_publishers()
     }
 
     pub(crate) fn port(&self) -> Rc<dyn Port>

@@ -36,11 +36,18 @@ struct Reader {
 }
 
 impl Topic {
-    /// Whether everything that was sent is accounted for by every reader.
+    /// Whether everything that was sent is accounted for by every reader. How much one who is no
+    /// node of the robot has sent, nobody knows.
     fn is_closed(&self) -> bool {
-        let mut readers = self.readers.iter().filter(|_| !self.on_event);
-        readers
-            .all(|reader| reader.received + reader.lost + reader.unread + reader.stale == self.sent)
+        let accounted =
+            |reader: &Reader| reader.received + reader.lost + reader.unread + reader.stale;
+        self.on_event
+            || self.is_from_outside()
+            || self.readers.iter().all(|reader| accounted(reader) == self.sent)
+    }
+
+    fn is_from_outside(&self) -> bool {
+        self.publisher.is_empty()
     }
 
     fn received(&self) -> u64 {
@@ -319,10 +326,14 @@ impl Report {
             if topic.sent == 0 && topic.readers.is_empty() {
                 continue;
             }
-            let open = if topic.is_closed() { "" } else { "  does not close" };
+            let remark = match topic.is_closed() {
+                true if topic.is_from_outside() && 0 < topic.received() => "  from outside",
+                true => "",
+                false => "  does not close",
+            };
             let _ = writeln!(
                 text,
-                "{:<14}{name:<20}{:>9}{:>10}{:>7}{:>8}{open}",
+                "{:<14}{name:<20}{:>9}{:>10}{:>7}{:>8}{remark}",
                 "",
                 topic.sent,
                 topic.received(),

@@ -64,7 +64,7 @@ pub(super) fn arm(robot: Option<&str>) -> Result<u8, Failure> {
     let status = connection::look(&namespace);
     let is_lockstep = status.is_some_and(|status| status["clock"] == "lockstep");
     let clock = if is_lockstep { Clock::Lockstep } else { Clock::Realtime };
-    let session = Session::join(&namespace, "arm", node::epoch_of(clock::now()))
+    let session = Session::join(&namespace, "arm", node::uncounted_epoch(clock::now()))
         .map_err(|error| refused(&error))?
         .with_clock(clock);
     let mut answers = session.subscriber(&MOTION_STATE).map_err(|error| refused(&error))?;
