@@ -2,10 +2,12 @@
 
 #![forbid(unsafe_code)]
 
+mod check;
+
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-use node::{Arguments, Settings};
+use node::Arguments;
 
 /// A zero-copy shared-memory robotics runtime for one machine.
 ///
@@ -31,27 +33,20 @@ enum Verb {
     Pairing(Arguments),
     /// The wall follower
     Controller(Arguments),
+    /// Commands of a person and of the controller in, those of the one that drives out
+    Multiplexer(Arguments),
 }
 
 fn main() -> ExitCode {
     let main_job = ["teseo", "up", "config/simulation.toml", "--until", "round-trip"];
     let verb = Command::parse().verb.or_else(|| Command::parse_from(main_job).verb);
     match verb.unwrap_or_else(|| unreachable!("the main job is a verb")) {
-        Verb::Robot(verb) => verb.run(check),
+        Verb::Robot(verb) => verb.run(check::check),
         Verb::Bench(options) => node::exit_code("teseo bench", bench::run(&options)),
         Verb::Simulator(arguments) => node::start(&arguments, "simulator", simulator::run),
         Verb::Odometry(arguments) => node::start(&arguments, "odometry", odometry::run),
         Verb::Pairing(arguments) => node::start(&arguments, "pairing", supervisor::pairing),
         Verb::Controller(arguments) => node::start(&arguments, "controller", controller::run),
-    }
-}
-
-/// Checks the parameters of one of our services; `None` where there is no such service.
-fn check(settings: &Settings) -> Option<node::Result> {
-    match settings.name() {
-        "simulator" => Some(simulator::check(settings)),
-        "odometry" => Some(odometry::check(settings)),
-        "controller" => Some(controller::check(settings)),
-        _ => None,
+        Verb::Multiplexer(arguments) => node::start(&arguments, "multiplexer", multiplexer::run),
     }
 }
