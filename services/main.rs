@@ -35,6 +35,8 @@ enum Verb {
     Controller(Arguments),
     /// Commands of a person and of the controller in, those of the one that drives out
     Multiplexer(Arguments),
+    /// Drive a robot from the keyboard, over its autonomy
+    Teleop(teleop::Options),
 }
 
 fn main() -> ExitCode {
@@ -48,5 +50,9 @@ fn main() -> ExitCode {
         Verb::Pairing(arguments) => node::start(&arguments, "pairing", supervisor::pairing),
         Verb::Controller(arguments) => node::start(&arguments, "controller", controller::run),
         Verb::Multiplexer(arguments) => node::start(&arguments, "multiplexer", multiplexer::run),
+        Verb::Teleop(options) => match supervisor::find(options.robot()) {
+            Ok(robot) => node::exit_code("teseo teleop", teleop::run(&robot, &options)),
+            Err(code) => code,
+        },
     }
 }

@@ -37,6 +37,8 @@ mod safety;
 #[cfg(test)]
 mod supervision;
 #[cfg(test)]
+mod teleop;
+#[cfg(test)]
 mod tickets;
 #[cfg(test)]
 mod topics;

@@ -100,11 +100,31 @@ impl Robot {
 
     /// Starts `teseo` with these arguments.
     pub(crate) fn start(&self, arguments: &[&str]) -> Run<'_> {
-        self.start_in(&[], arguments)
+        self.start_with(arguments, &[], Stdio::null(), None)
     }
 
     /// The same with variables in its environment.
     pub(crate) fn start_in(&self, environment: &[(&str, &str)], arguments: &[&str]) -> Run<'_> {
+        self.start_with(arguments, environment, Stdio::null(), None)
+    }
+
+    /// The same with another standard input, and with another standard output where one is given.
+    pub(crate) fn start_at(
+        &self,
+        arguments: &[&str],
+        input: Stdio,
+        output_to: Option<Stdio>,
+    ) -> Run<'_> {
+        self.start_with(arguments, &[], input, output_to)
+    }
+
+    fn start_with(
+        &self,
+        arguments: &[&str],
+        environment: &[(&str, &str)],
+        input: Stdio,
+        output_to: Option<Stdio>,
+    ) -> Run<'_> {
         let output = |name: &str| {
             let number = ROBOTS.fetch_add(1, Ordering::Relaxed);
             self.directory.join(format!("{name}-{number}"))
@@ -115,8 +135,8 @@ impl Robot {
             .current_dir(env!("CARGO_MANIFEST_DIR"))
             .env("TESEO_RUNTIME_DIR", self.runtime())
             .envs(environment.iter().copied())
-            .stdin(Stdio::null())
-            .stdout(File::create(&out).unwrap())
+            .stdin(input)
+            .stdout(file_or(&out, output_to))
             .stderr(File::create(&err).unwrap())
             .spawn()
             .unwrap();
@@ -499,6 +519,12 @@ fn prefix(directory: &Path) -> Option<String> {
     let text = fs::read_to_string(directory.join("iceoryx2.toml")).ok()?;
     let prefix = text.lines().find_map(|line| line.strip_prefix("prefix = "))?;
     Some(prefix.trim_matches('"').to_owned())
+}
+
+/// `other` where there is one; the file is made all the same.
+fn file_or(path: &Path, other: Option<Stdio>) -> Stdio {
+    let file = File::create(path).unwrap();
+    other.unwrap_or_else(|| file.into())
 }
 
 /// The files in shared memory that begin with `prefix`.

@@ -206,6 +206,21 @@ impl OneNode {
     }
 }
 
+/// The running robot that a verb of another service is about: `name`, or the only one that runs.
+/// Where there is none, says so; the code is what to exit with.
+pub fn find(name: Option<&str>) -> Result<Namespace, ExitCode> {
+    let found = connection::find(name).and_then(|namespace| {
+        let robot = namespace.robot();
+        let absent = || Failure::NotRunning(format!("robot '{robot}' is not running"));
+        connection::is_running(&namespace).then_some(()).ok_or_else(absent)?;
+        Ok(namespace)
+    });
+    found.map_err(|failure| {
+        say::complain(&failure);
+        ExitCode::from(failure.code())
+    })
+}
+
 /// Whether the robot runs under this guardian, and is ready.
 pub(crate) fn is_ready(namespace: &Namespace, guardian: u32) -> bool {
     connection::look(namespace)

@@ -42,7 +42,7 @@ pub(super) fn find(name: Option<&str>) -> Result<Namespace, Failure> {
     }
 }
 
-fn is_running(namespace: &Namespace) -> bool {
+pub(super) fn is_running(namespace: &Namespace) -> bool {
     UnixStream::connect(socket(namespace)).is_ok() || guardian(namespace).is_some()
 }
 
