@@ -27,9 +27,14 @@ fn driving(robot: &Robot) -> Run<'_> {
     robot.start_up(&[&file]).await_count("READY", 1)
 }
 
-/// The robot that drives, and starts again what dies.
+/// The robot that drives, and starts again what dies, but its controller not before the dead-man
+/// has noticed.
 fn enduring(robot: &Robot) -> Run<'_> {
-    let file = robot.launch_file_from(LAB_ROBOT, &[("seed = 1", "seed = 1")]);
+    let teseo = env!("CARGO_BIN_EXE_teseo");
+    let late = format!("sleep 0.4; exec {teseo} controller \\\"$@\\\"");
+    let name = "name = \"controller\"\n";
+    let slow = format!("{name}exec = [\"/bin/sh\", \"-c\", \"{late}\", \"sh\"]\n");
+    let file = robot.launch_file_from(LAB_ROBOT, &[(name, &slow)]);
     robot.start_up(&[&file]).await_count("READY", 1)
 }
 

@@ -4,8 +4,8 @@ use std::collections::VecDeque;
 use std::time::Duration;
 
 use interfaces::topics::{
-    JOINT_STATES, MOTION_REQUEST, MOTION_STATE, ODOMETRY, POSE, ROBOT_POSE, SCAN, SENSOR_PAIR,
-    VELOCITY_COMMAND,
+    AUTONOMY_COMMAND, JOINT_STATES, MOTION_REQUEST, MOTION_STATE, ODOMETRY, POSE, ROBOT_POSE, SCAN,
+    SENSOR_PAIR, TELEOP_COMMAND, VELOCITY_COMMAND,
 };
 use interfaces::{Stamp, State, Transition};
 use node::{Held, Namespace, Notifier, Result, Session, Settings, clock, signal};
@@ -440,6 +440,8 @@ fn hold_topics(session: &Session, own: &str) -> Result<Vec<Held>> {
         session.hold(&SENSOR_PAIR, own)?,
         session.hold(&VELOCITY_COMMAND, own)?,
         session.hold(&POSE, own)?,
+        session.hold(&AUTONOMY_COMMAND, own)?,
+        session.hold(&TELEOP_COMMAND, own)?,
         session.hold(&MOTION_STATE, own)?,
         session.hold(&MOTION_REQUEST, own)?,
     ])
