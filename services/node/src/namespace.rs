@@ -20,6 +20,10 @@ pub use sweep::Swept;
 /// The transport's version, part of every name: two versions must never meet.
 const TRANSPORT: &str = "0100";
 
+/// [-] Dead publishers of whose samples a reader still holds some. The transport raises it to what a
+/// reader may hold; its own 128 take 460 KiB of every reader's memory, touched at once.
+const EXPIRED_CONNECTIONS: usize = 8;
+
 /// The name of the lock's file.
 const LOCK: &str = "lock";
 
@@ -121,7 +125,8 @@ impl Namespace {
         // The global configuration, not one of each node: iceoryx2 cleans up after the dead in
         // the global one's place.
         let text = format!(
-            "[global]\nroot-path = \"{}\"\nprefix = \"{}\"\n",
+            "[global]\nroot-path = \"{}\"\nprefix = \"{}\"\n\n[defaults.publish-subscribe]\n\
+             subscriber-expired-connection-buffer = {EXPIRED_CONNECTIONS}\n",
             self.directory.display(),
             self.prefix
         );
