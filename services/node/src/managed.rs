@@ -339,6 +339,7 @@ impl<'a> Node<'a> {
             let now = clock::now();
             self.ping(now);
             self.flush(now)?;
+            self.tell_flow(now)?;
             self.take_request(now)?;
             if let Some((transition, since)) = self.pending
                 && (!self.held || HOLD_MAX < now.since(since))
@@ -410,15 +411,21 @@ impl<'a> Node<'a> {
         if due && let Some(period) = self.period {
             self.schedule(now, period);
         }
-        let flows = !self.told.flows && self.ports.iter().all(Counted::has_flowed);
-        if flows || self.status_due <= now {
+        if self.status_due <= now {
             self.send_status(now)?;
         }
-        if flows {
+        Ok(Tick { now, activated, due })
+    }
+
+    /// Says once that all topics have carried something, as soon as they have.
+    fn tell_flow(&mut self, now: Stamp) -> Result {
+        let is_active = self.state == State::Active && !self.activated;
+        if is_active && !self.told.flows && self.ports.iter().all(Counted::has_flowed) {
             self.told.flows = true;
+            self.send_status(now)?;
             self.notifier.hint("FLOWS", "1");
         }
-        Ok(Tick { now, activated, due })
+        Ok(())
     }
 
     fn is_due(&self, now: Stamp) -> bool {
