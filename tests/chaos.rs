@@ -9,6 +9,7 @@ use std::time::Duration;
 use node::clock;
 use rustix::process::Signal;
 
+use crate::random::{Random, number};
 use crate::robot::{Process, Robot, Run, wait_until};
 
 /// The robot that restarts what dies.
@@ -108,10 +109,6 @@ fn tireless(robot: &Robot) -> String {
     robot.launch_file_from(LAB_ROBOT, &[("restart = \"on-failure\"", patient)])
 }
 
-fn number(name: &str, default: u64) -> u64 {
-    std::env::var(name).map_or(default, |text| text.parse().unwrap())
-}
-
 /// How long things took, by what they were.
 #[derive(Default)]
 struct Times {
@@ -136,26 +133,5 @@ impl Times {
             let _ = writeln!(table, "| {kind} | {count} | {p50:.1} | {p99:.1} | {max:.1} |");
         }
         println!("{table}");
-    }
-}
-
-/// `SplitMix64`: Steele, Lea, Flood, "Fast splittable pseudorandom number generators", 2014.
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut mixed = self.0;
-        mixed = (mixed ^ (mixed >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        mixed ^ (mixed >> 31)
-    }
-
-    fn below(&mut self, limit: usize) -> usize {
-        usize::try_from(self.next() % limit.max(1) as u64).unwrap()
-    }
-
-    fn duration(&mut self, max: Duration) -> Duration {
-        max.mul_f64(self.next() as f64 / u64::MAX as f64)
     }
 }

@@ -23,9 +23,9 @@ mod kill_points;
 #[cfg(test)]
 mod lifecycle;
 #[cfg(test)]
-mod loop_in_one_thread;
-#[cfg(test)]
 mod pairing;
+#[cfg(test)]
+mod random;
 #[cfg(test)]
 mod realtime;
 #[cfg(test)]
@@ -34,6 +34,8 @@ mod robot;
 mod round_trip;
 #[cfg(test)]
 mod safety;
+#[cfg(test)]
+mod simulation;
 #[cfg(test)]
 mod supervision;
 #[cfg(test)]

@@ -18,14 +18,14 @@ mod unfit;
 mod wall_following;
 mod walls;
 
-use interfaces::{LaserScan, Odometry, Pose, VelocityCommand};
+use interfaces::{LaserScan, Odometry, Pose, Stamp, VelocityCommand};
 
 pub use config::{
     Algorithm, Commands, Config, ConfigError, CorridorConfig, Distances, Pacing, WallConfig,
 };
 
 pub use run::{check, run};
-pub use unfit::Unfit;
+pub use unfit::{Unfit, check_age};
 
 use corridor_following::CorridorFollowing;
 use timeline::Timeline;
@@ -153,6 +153,22 @@ impl Controller {
         Ok(command)
     }
 
+    /// The command for a robot that may move, or may not. One that is held is armed again by a while
+    /// of commands that begin with zero, so it is told to stand, by samples that it could be driven
+    /// by; and the follower goes on where it was.
+    pub fn answer(
+        &mut self,
+        is_armed: bool,
+        scan: &LaserScan,
+        odometry: &Odometry,
+    ) -> Result<VelocityCommand, Unfit> {
+        if is_armed {
+            return self.update(scan, odometry);
+        }
+        check_samples(scan, odometry)?;
+        Ok(standstill(scan.header.stamp.max(odometry.header.stamp)))
+    }
+
     /// What the robot is doing.
     pub fn activity(&self) -> Activity {
         if self.blind {
@@ -163,6 +179,13 @@ impl Controller {
             Follower::Corridor(corridor) => corridor.activity(),
         }
     }
+}
+
+/// What moves no robot: for one that is held, or that is to stand still.
+fn standstill(stamp: Stamp) -> VelocityCommand {
+    let mut command = VelocityCommand::default();
+    command.header.stamp = stamp;
+    command
 }
 
 /// Whether the controller is silent because another node drives: the robot knows its place.

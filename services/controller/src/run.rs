@@ -5,17 +5,14 @@ use std::time::Duration;
 use interfaces::topics::{
     AUTONOMY_COMMAND, MOTION_STATE, ODOMETRY, POSE, SCAN, SENSOR_PAIR, VELOCITY_COMMAND,
 };
-use interfaces::{
-    LaserScan, MotionState, Odometry, Permission, Pose, SensorPair, Stamp, VelocityCommand,
-};
+use interfaces::{LaserScan, MotionState, Odometry, Permission, Pose, SensorPair, VelocityCommand};
 use node::config::{self, Place};
 use node::{
     Clock, Error, Gauge, Lookup, Node, Publisher, Refusals, Result, Sample, Settings, Subscriber,
     Window,
 };
 
-use crate::unfit::{check_age, check_samples};
-use crate::{Commands, Config, Controller, Pacing, Unfit, is_handed_over};
+use crate::{Commands, Config, Controller, Pacing, Unfit, check_age, is_handed_over, standstill};
 
 /// Runs the controller as a managed node.
 pub fn run(node: &mut Node<'_>) -> Result {
@@ -85,13 +82,6 @@ fn on_a_timer(node: &mut Node<'_>, mut driver: Driver, period: Duration) -> Resu
         }
     }
     Ok(())
-}
-
-/// What moves no robot: for one that is held, or that is to stand still.
-fn standstill(stamp: Stamp) -> VelocityCommand {
-    let mut command = VelocityCommand::default();
-    command.header.stamp = stamp;
-    command
 }
 
 /// The follower with its wires.
@@ -190,14 +180,7 @@ impl Driver {
         if let Some(state) = self.motion_states.latest()? {
             self.is_armed = state.permission == Permission::Armed as u8;
         }
-        let command = if self.is_armed {
-            self.controller.update(scan, odometry)
-        } else {
-            // A robot that is held is armed again by a while of commands that begin with zero, and
-            // the follower goes on where it was.
-            check_samples(scan, odometry).map(|()| standstill(ticket.header.stamp))
-        };
-        match command {
+        match self.controller.answer(self.is_armed, scan, odometry) {
             Ok(command) => {
                 if self.refusals.accept() {
                     node.say("drives again");

@@ -109,7 +109,7 @@ pub(crate) fn check_samples(scan: &LaserScan, odometry: &Odometry) -> Result<(),
 
 /// Refuses a pair by its age: it must not be used for longer than its topic's deadline, nor may
 /// either of its samples be older than `age_max`, whenever the pair was formed.
-pub(crate) fn check_age(ticket: &SensorPair, now: Stamp, age_max: Duration) -> Result<(), Unfit> {
+pub fn check_age(ticket: &SensorPair, now: Stamp, age_max: Duration) -> Result<(), Unfit> {
     let stamps = [ticket.scan_stamp, ticket.odometry_stamp];
     let latest = stamps.iter().fold(ticket.formed, |latest, &stamp| latest.max(stamp));
     if AHEAD_MAX < latest.since(now) {

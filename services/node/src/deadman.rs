@@ -161,6 +161,8 @@ impl DeadMan {
         if latched == self.estopped {
             return;
         }
+        // Or a trip that is due by now would never have been.
+        self.look(now);
         self.estopped = latched;
         if latched {
             self.stop(now, StopCause::EmergencyStop);

@@ -64,4 +64,4 @@ pub use refusals::Refusals;
 pub use session::{Held, Session};
 pub use wake::Wait;
 pub use wheels::{Heard, Wheels};
-pub use window::{Lookup, Window};
+pub use window::{Lookup, Recent, Window};

@@ -35,6 +35,7 @@ pub mod offline;
 mod outcome;
 #[cfg(test)]
 mod tests;
+mod tickets;
 mod timeline;
 
 use std::time::Duration;
@@ -49,6 +50,7 @@ pub use config::{
 use nearest::Nearest;
 use outcome::Ledger;
 pub use outcome::{Dropped, Entry, Outcome, Pair};
+pub use tickets::{ODOMETRIES, SCANS, SensorPairing, write_ticket};
 use timeline::{Timeline, Verdict};
 
 /// Pairs the samples of a fixed number of topics.

@@ -2,82 +2,49 @@
 
 use interfaces::topics::{ODOMETRY, SCAN, SENSOR_PAIR};
 use interfaces::{Header, SensorPair, Stamp};
-use node::pairing::{Entry, Outcome, Pairing, Reason};
+use node::pairing::{ODOMETRIES, Outcome, Pairing, Reason, SCANS, SensorPairing, write_ticket};
 use node::{Clock, Error, Gauge, Node, Publisher, Result};
-
-const SCANS: usize = 0;
-const ODOMETRIES: usize = 1;
 
 /// Runs the pairing as a managed node: it has a loop of its own, so that starting or reaping a
 /// process never delays a pair.
 pub fn run(node: &mut Node<'_>) -> Result {
     let config = node.settings().launch().pairing.config();
-    let mut pairing =
-        Pairing::new(&config).map_err(|cause| Error::Fault(format!("cannot pair: {cause}")))?;
+    let mut pairing = SensorPairing::new(&config)
+        .map_err(|cause| Error::Fault(format!("cannot pair: {cause}")))?;
     let mut scans = node.subscribe(&SCAN)?;
     let mut odometry = node.subscribe(&ODOMETRY)?;
     let mut tickets = node.publish(&SENSOR_PAIR)?;
     let books = Books::new(node);
     let clock = node.clock();
-    let mut lives = Lives::default();
     while let Some(tick) = node.tick()? {
         while let Some(scan) = scans.receive()? {
-            let entry = entry(clock, tick.now, &scan.header);
-            lives.notice(SCANS, entry.epoch, &mut pairing);
-            send(&mut tickets, &pairing.push(SCANS, entry), entry.received)?;
+            let received = received(clock, tick.now, &scan.header);
+            send(&mut tickets, &pairing.push(SCANS, &scan.header, received), received)?;
         }
         while let Some(odometry) = odometry.receive()? {
-            let entry = entry(clock, tick.now, &odometry.header);
-            lives.notice(ODOMETRIES, entry.epoch, &mut pairing);
-            send(&mut tickets, &pairing.push(ODOMETRIES, entry), entry.received)?;
+            let received = received(clock, tick.now, &odometry.header);
+            send(&mut tickets, &pairing.push(ODOMETRIES, &odometry.header, received), received)?;
         }
         if clock == Clock::Realtime {
             send(&mut tickets, &pairing.poll(tick.now), tick.now)?;
             node.wake_by(pairing.next_deadline());
         }
-        books.set(&pairing);
+        books.set(pairing.pairing());
     }
     Ok(())
 }
 
-/// Which life of each publisher the samples are from.
-#[derive(Default)]
-struct Lives([u32; 2]);
-
-impl Lives {
-    /// What a publisher's former life measured belongs to nothing that its new one does.
-    fn notice(&mut self, topic: usize, epoch: u32, pairing: &mut Pairing) {
-        let before = std::mem::replace(&mut self.0[topic], epoch);
-        if before != 0 && before != epoch {
-            pairing.reset();
-        }
-    }
-}
-
 /// In lock-step a sample is received when it is true: the wall's time must not tell.
-fn entry(clock: Clock, now: Stamp, header: &Header) -> Entry {
-    let received = match clock {
+fn received(clock: Clock, now: Stamp, header: &Header) -> Stamp {
+    match clock {
         Clock::Lockstep => header.stamp,
         Clock::Realtime => now,
-    };
-    Entry { stamp: header.stamp, sequence: header.sequence, epoch: header.epoch, received }
+    }
 }
 
 fn send(tickets: &mut Publisher<SensorPair>, outcome: &Outcome<'_>, now: Stamp) -> Result {
     for pair in outcome.pairs() {
-        let (scan, odometry) = (pair.members[SCANS], pair.members[ODOMETRIES]);
-        let spread = pair.spread();
-        tickets.send_with(|ticket| {
-            ticket.header.stamp = pair.stamp();
-            ticket.scan_stamp = scan.stamp;
-            ticket.odometry_stamp = odometry.stamp;
-            ticket.scan_sequence = scan.sequence;
-            ticket.odometry_sequence = odometry.sequence;
-            ticket.scan_epoch = scan.epoch;
-            ticket.odometry_epoch = odometry.epoch;
-            ticket.spread_ns = u64::try_from(spread.as_nanos()).unwrap_or(u64::MAX);
-            ticket.formed = now;
-        })?;
+        tickets.send_with(|ticket| write_ticket(&pair, now, ticket))?;
     }
     Ok(())
 }

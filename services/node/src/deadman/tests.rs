@@ -242,6 +242,23 @@ fn an_emergency_stop_holds_the_robot_whatever_comes_until_it_is_released() {
 }
 
 #[test]
+fn an_emergency_stop_does_not_hide_a_trip_that_was_due_before() {
+    let mut drive = Drive::new();
+    for _ in 0..3 {
+        drive.trip_and_recover();
+    }
+    drive.send(0.1, 500);
+    // Nobody has looked since the last command, as where the wheels' process stood still.
+    drive.ms += 300;
+    drive.dead_man.set_emergency_stop(at(drive.ms), true);
+    drive.dead_man.set_emergency_stop(at(drive.ms), false);
+    drive.send(0.0, 1_000);
+    assert!(drive.is_held_for(StopCause::EmergencyStop), "the fourth trip needs a person");
+    let state = drive.state();
+    assert_eq!((state.needs_person, state.trips), (1, 4));
+}
+
+#[test]
 fn without_a_supervisor_the_robot_stops_at_once_and_for_good() {
     let mut drive = Drive::new();
     drive.send(0.22, 500);

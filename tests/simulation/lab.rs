@@ -1,12 +1,13 @@
-//! Simulator, odometer and controller in one thread: does the robot come out of the labyrinth?
+//! The lab's loop, without faults and in lock-step: does the robot come out of the labyrinth?
 
 use controller::{Activity, Controller};
-use interfaces::{JointState, LEFT, LaserScan, Odometry, RIGHT};
+use interfaces::{JointState, LaserScan, Odometry};
+use odometry::WheelOdometry;
 use simulator::{Noise, Simulator, World};
 
-const LAB02: &str = include_str!("../config/worlds/lab02.toml");
-const LAB_SIMULATION: &str = include_str!("../config/controller/lab_simulation.toml");
-const CORRIDOR_FOLLOWING: &str = include_str!("../config/controller/corridor_following.toml");
+use super::{CORRIDOR_FOLLOWING, LAB02};
+
+const LAB_SIMULATION: &str = include_str!("../../config/controller/lab_simulation.toml");
 
 /// [s] Simulated; three times what the slowest round trip takes.
 const TIME_MAX: f64 = 400.0;
@@ -100,13 +101,14 @@ fn drive(profile: &str, start: &str, noise: Noise, beams: usize, seed: u64) -> D
 
     let mut scan = LaserScan::default();
     let mut joint_state = JointState::default();
+    let mut wheels = WheelOdometry::new(&odometry::Config::default());
     let mut odometry = Odometry::default();
     let (mut linear, mut angular) = (0.0, 0.0);
     loop {
         simulator.step(linear, angular);
         simulator.fill_joint_state(&mut joint_state);
         simulator.sense(&mut scan);
-        advance(&mut odometry, &joint_state, &config);
+        wheels.update(&joint_state, &mut odometry).unwrap();
 
         let command = controller.update(&scan, &odometry).unwrap();
         (linear, angular) = (command.linear, command.angular);
@@ -125,19 +127,4 @@ fn drive(profile: &str, start: &str, noise: Noise, beams: usize, seed: u64) -> D
             };
         }
     }
-}
-
-/// Wheel increments to pose and twist, as the odometry process does it.
-fn advance(odometry: &mut Odometry, joint_state: &JointState, config: &simulator::Config) {
-    let [left, right] =
-        [LEFT, RIGHT].map(|wheel| config.wheel_radius_m * joint_state.increment[wheel]);
-    let (distance, turned) = (0.5 * (left + right), (right - left) / config.track_m);
-    let (sin, cos) = libm::sincos(odometry.yaw + 0.5 * turned);
-
-    odometry.header.stamp = joint_state.header.stamp;
-    odometry.x += distance * cos;
-    odometry.y += distance * sin;
-    odometry.yaw = libm::remainder(odometry.yaw + turned, 2.0 * std::f64::consts::PI);
-    odometry.linear = distance / config.dt_s;
-    odometry.angular = turned / config.dt_s;
 }
