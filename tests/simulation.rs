@@ -49,7 +49,11 @@ struct End {
 ///
 /// Each rule of the referee was seen to fail, with `SEED=…`, for this deliberate bug:
 ///
-/// MUTATIONS
+/// - moves without permission: a refused command taken for a sign of life; armed again after 100 ms
+///   instead of 500; a stream that need not begin with zero; the emergency stop ignored; armed by
+///   itself more than three times in a minute;
+/// - driven by an invalid command: an old epoch heard; limits not looked at;
+/// - leaves the ramp: brakes to zero at once.
 #[test]
 fn no_fault_breaks_a_rule_and_once_faults_cease_the_robot_makes_its_round_trip() {
     let begun = clock::now();
