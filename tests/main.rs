@@ -37,6 +37,8 @@ mod safety;
 #[cfg(test)]
 mod simulation;
 #[cfg(test)]
+mod stalls;
+#[cfg(test)]
 mod supervision;
 #[cfg(test)]
 mod teleop;

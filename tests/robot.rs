@@ -93,19 +93,49 @@ impl Robot {
 
     /// Starts `teseo up` with these arguments.
     pub(crate) fn start_up(&self, arguments: &[&str]) -> Run<'_> {
+        self.start_up_under(&[], arguments, |_| ())
+    }
+
+    /// The same under another command; see [`Robot::start_under`].
+    pub(crate) fn start_up_under(
+        &self,
+        wrapper: &[&str],
+        arguments: &[&str],
+        change: impl FnOnce(&mut Command),
+    ) -> Run<'_> {
         let report = self.directory.join("report.json");
         let report = report.to_str().unwrap();
-        self.start(&[&["up", "--report", report], arguments].concat())
+        self.start_under(wrapper, &[&["up", "--report", report], arguments].concat(), change)
+    }
+
+    /// What `teseo status --json` says; null where it says nothing.
+    pub(crate) fn status(&self) -> Value {
+        serde_json::from_str(&self.start(&["status", "--json"]).wait().out).unwrap_or_default()
+    }
+
+    /// Waits until `teseo status` says that the robot is ready: for runs that print nothing.
+    pub(crate) fn await_ready(&self) {
+        let is_ready = wait_until(TIMEOUT, || self.status()["state"] == "ready");
+        assert!(is_ready, "{}", self.status());
+    }
+
+    /// A directory of the test's own, gone with the robot.
+    pub(crate) fn folder(&self, name: &str) -> String {
+        let path = self.directory.join(name);
+        fs::create_dir(&path).unwrap();
+        path.to_str().unwrap().to_owned()
     }
 
     /// Starts `teseo` with these arguments.
     pub(crate) fn start(&self, arguments: &[&str]) -> Run<'_> {
-        self.start_with(arguments, &[], Stdio::null(), None)
+        self.start_under(&[], arguments, |_| ())
     }
 
     /// The same with variables in its environment.
     pub(crate) fn start_in(&self, environment: &[(&str, &str)], arguments: &[&str]) -> Run<'_> {
-        self.start_with(arguments, environment, Stdio::null(), None)
+        self.start_under(&[], arguments, |command| {
+            command.envs(environment.iter().copied());
+        })
     }
 
     /// The same with another standard input, and with another standard output where one is given.
@@ -115,31 +145,38 @@ impl Robot {
         input: Stdio,
         output_to: Option<Stdio>,
     ) -> Run<'_> {
-        self.start_with(arguments, &[], input, output_to)
+        self.start_under(&[], arguments, |command| {
+            command.stdin(input);
+            if let Some(output) = output_to {
+                command.stdout(output);
+            }
+        })
     }
 
-    fn start_with(
+    /// The same as the last words of the command `wrapper`, which has to become it; `change` is the
+    /// last to say how it is started.
+    pub(crate) fn start_under(
         &self,
+        wrapper: &[&str],
         arguments: &[&str],
-        environment: &[(&str, &str)],
-        input: Stdio,
-        output_to: Option<Stdio>,
+        change: impl FnOnce(&mut Command),
     ) -> Run<'_> {
         let output = |name: &str| {
             let number = ROBOTS.fetch_add(1, Ordering::Relaxed);
             self.directory.join(format!("{name}-{number}"))
         };
         let (out, err) = (output("out"), output("err"));
-        let child = Command::new(env!("CARGO_BIN_EXE_teseo"))
-            .args(arguments)
+        let words = [wrapper, &[env!("CARGO_BIN_EXE_teseo")], arguments].concat();
+        let mut command = Command::new(words[0]);
+        command
+            .args(&words[1..])
             .current_dir(env!("CARGO_MANIFEST_DIR"))
             .env("TESEO_RUNTIME_DIR", self.runtime())
-            .envs(environment.iter().copied())
-            .stdin(input)
-            .stdout(file_or(&out, output_to))
-            .stderr(File::create(&err).unwrap())
-            .spawn()
-            .unwrap();
+            .stdin(Stdio::null())
+            .stdout(File::create(&out).unwrap())
+            .stderr(File::create(&err).unwrap());
+        change(&mut command);
+        let child = command.spawn().unwrap();
         let command = arguments.join(" ");
         Run { robot: self, command, child, out, err, has_ended: false }
     }
@@ -480,6 +517,28 @@ impl Ended {
     }
 }
 
+/// For how long a fault lasts: `LASTS` seconds, or else `default`.
+pub(crate) fn lasts(default: u64) -> Duration {
+    let seconds = std::env::var("LASTS").map_or(default, |text| text.parse().unwrap());
+    Duration::from_secs(seconds)
+}
+
+/// What puts a command into a mount name space of its own, whose root may mount what it likes;
+/// `None`, and a word about it on screen, where this user may not.
+pub(crate) fn mount_namespace() -> Option<Vec<&'static str>> {
+    let as_root = vec!["unshare", "--mount"];
+    let as_user = vec!["unshare", "--user", "--map-root-user", "--mount"];
+    let works = |way: &Vec<&str>| {
+        let tried = Command::new(way[0]).args(&way[1..]).arg("true").output();
+        tried.is_ok_and(|tried| tried.status.success())
+    };
+    let way = [as_root, as_user].into_iter().find(works);
+    if way.is_none() {
+        println!("skipped: a mount name space takes root, or user name spaces");
+    }
+    way
+}
+
 /// Runs `body`, a closure of a test, in a process of its own, so that it may join the robot's shared
 /// memory: what the transport takes for its namespace it keeps for the life of a process.
 pub(crate) fn alone<F: FnOnce(&Robot)>(body: F) {
@@ -506,6 +565,8 @@ pub(crate) fn alone_in(test: &str, body: impl FnOnce(&Robot)) {
         .unwrap();
     let output = [child.stdout, child.stderr].map(|text| String::from_utf8(text).unwrap()).concat();
     assert!(child.status.success() && output.contains("1 passed"), "{output}");
+    // What it has measured, as a test of this process would show it.
+    output.lines().filter(|line| line.starts_with("| ")).for_each(|line| println!("{line}"));
 }
 
 /// The name of the test that `body` is a closure of.
@@ -519,12 +580,6 @@ fn prefix(directory: &Path) -> Option<String> {
     let text = fs::read_to_string(directory.join("iceoryx2.toml")).ok()?;
     let prefix = text.lines().find_map(|line| line.strip_prefix("prefix = "))?;
     Some(prefix.trim_matches('"').to_owned())
-}
-
-/// `other` where there is one; the file is made all the same.
-fn file_or(path: &Path, other: Option<Stdio>) -> Stdio {
-    let file = File::create(path).unwrap();
-    other.unwrap_or_else(|| file.into())
 }
 
 /// The files in shared memory that begin with `prefix`.

@@ -44,19 +44,19 @@ fn motion(robot: &Robot) -> Value {
 }
 
 /// One who watches the wheels.
-struct Witness {
+pub(crate) struct Witness {
     states: Subscriber<MotionState>,
     newest: MotionState,
 }
 
 impl Witness {
-    fn new(session: &Session) -> Self {
+    pub(crate) fn new(session: &Session) -> Self {
         let states = session.subscriber(&MOTION_STATE).unwrap();
         Self { states, newest: MotionState::default() }
     }
 
     /// The first state from now on that is this one.
-    fn await_state(&mut self, permission: Permission, cause: StopCause) -> MotionState {
+    pub(crate) fn await_state(&mut self, permission: Permission, cause: StopCause) -> MotionState {
         let found = wait_until(Duration::from_secs(20), || {
             while let Some(state) = self.states.receive().unwrap() {
                 self.newest = *state;

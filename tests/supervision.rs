@@ -552,7 +552,7 @@ fn verb(robot: &Robot, arguments: &[&str], code: i32) -> Ended {
 }
 
 /// What a node is told, where the test binary is one.
-fn own_arguments() -> Arguments {
+pub(crate) fn own_arguments() -> Arguments {
     let log = Options { format: Format::Text, level: "warn".parse().unwrap() };
     Arguments {
         config: std::env::var_os("LAUNCH_FILE").unwrap().into(),

@@ -70,6 +70,7 @@ pub struct Node<'a> {
     period: Option<Duration>,
     due: Stamp,
     overruns: Gauge,
+    lateness: Option<Latency>,
     alarm: Option<Stamp>,
     notifier: Notifier,
     ping_period: Option<Duration>,
@@ -180,6 +181,7 @@ impl<'a> Node<'a> {
             period: None,
             due: Stamp::ZERO,
             overruns: Gauge::default(),
+            lateness: None,
             alarm: None,
             notifier: settings.notifier(),
             // The watchdog of a node in its supervisor's process is the supervisor's.
@@ -258,10 +260,12 @@ impl<'a> Node<'a> {
     }
 
     /// From the next activation on, [`Tick::due`] is set once every `period`. Without a drift: a
-    /// turn that comes late does not move the next; one that misses its successor is counted.
+    /// turn that comes late does not move the next; one that misses its successor is counted. How
+    /// late turns come is told as `late`.
     pub fn set_period(&mut self, period: Duration) {
         self.period = Some(period);
         self.overruns = self.gauge("overruns");
+        self.lateness = Some(self.latency("late"));
     }
 
     /// A figure of this node's status, with its unit at the end of `key` (`distance_m`).
@@ -433,6 +437,9 @@ impl<'a> Node<'a> {
     }
 
     fn schedule(&mut self, now: Stamp, period: Duration) {
+        if let Some(lateness) = &self.lateness {
+            lateness.record(now.since(self.due));
+        }
         self.due = self.due.after(period);
         if self.due <= now {
             self.overruns.count();

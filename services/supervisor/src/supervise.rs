@@ -32,6 +32,9 @@ pub(crate) const PAIRING: &str = "pairing";
 /// Hints wake the supervisor at once; this is for what gives none: counters, and what nodes write.
 const POLL: Duration = Duration::from_millis(100);
 
+/// Whoever turns at least once every [`POLL`] has been stopped, or starved, if it did not for so long.
+const STANDSTILL: Duration = Duration::from_millis(250);
+
 /// A process that was killed in the middle of making a file leaves it unfinished. One that lives is
 /// done with it long before this.
 pub(crate) const UNFINISHED_AGE: Duration = Duration::from_millis(300);
@@ -81,6 +84,8 @@ pub(crate) struct Supervisor<'a> {
     /// [-] The process that holds the lock with this one.
     pub(crate) guardian: u32,
     pub(crate) started: Stamp,
+    /// When it last took in what was said.
+    heard: Stamp,
     pub(crate) ready_after: Option<Duration>,
     launcher: Launcher,
     /// What has happened, and the machine has not been told yet.
@@ -125,6 +130,7 @@ impl<'a> Supervisor<'a> {
             motion: Motion::new(&session)?,
             guardian: guardian::pid(),
             started: now,
+            heard: now,
             ready_after: None,
             launcher,
             events: VecDeque::new(),
@@ -175,6 +181,7 @@ impl<'a> Supervisor<'a> {
         while let Some(datagram) = self.notify.receive() {
             self.hear_datagram(&datagram);
         }
+        self.be_fair(now);
         for node in 0..self.members.len() {
             while let Some(news) = self.members[node].hear(now)? {
                 if matches!(news, News::Exited(_)) {
@@ -193,6 +200,18 @@ impl<'a> Supervisor<'a> {
         self.read_logs(now);
         self.spawn_postponed();
         Ok(())
+    }
+
+    /// A supervisor that stood still itself has missed pings: the kernel keeps a few datagrams, and
+    /// refuses the rest. Nobody is killed for that.
+    fn be_fair(&mut self, now: Stamp) {
+        let stood_still = now.since(std::mem::replace(&mut self.heard, now));
+        if STANDSTILL < stood_still {
+            for (node, member) in self.members.iter().enumerate() {
+                let epoch = member.epoch;
+                self.events.push_back(Event::News { node, epoch, news: News::Pinged });
+            }
+        }
     }
 
     fn hear_datagram(&mut self, datagram: &Datagram) {
