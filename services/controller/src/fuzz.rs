@@ -77,6 +77,8 @@ fn whatever_bytes_arrive_a_command_is_finite_and_within_the_limits() {
                 }
             }
         }
+        let refused: u64 = unfit.iter().sum();
+        println!("{name}: {driven} scans and odometry samples driven by, {refused} refused");
         // Else nothing is tested.
         assert!(samples / 10 < driven, "{name}: {driven} of {samples} driven by");
         for reason in [Unfit::FewBeams, Unfit::Geometry, Unfit::Blind, Unfit::Odometry] {

@@ -54,7 +54,8 @@ fn assert_of_a_robot(odometry: &Odometry, seed: u64) {
 
 /// Else nothing is tested.
 #[track_caller]
-fn assert_both(taken: u64, rejected: &[u64]) {
+fn assert_both(what: &str, taken: u64, rejected: &[u64]) {
+    println!("{what}: {taken} taken, {} refused", rejected.iter().sum::<u64>());
     assert!(samples() / 10 < taken, "{taken} taken");
     for (reason, &count) in Rejected::ALL.iter().zip(rejected) {
         assert!(samples() / 1_000 < count, "{reason:?}: {count}");
@@ -84,7 +85,7 @@ fn whatever_bytes_the_wheels_send_odometry_is_finite_and_within_the_limits() {
             }
         }
     }
-    assert_both(taken, &rejected);
+    assert_both("wheels", taken, &rejected);
 }
 
 #[test]
@@ -108,7 +109,7 @@ fn whatever_bytes_a_pose_is_odometry_is_finite_and_within_the_limits() {
             }
         }
     }
-    assert_both(taken, &rejected);
+    assert_both("poses", taken, &rejected);
 }
 
 #[test]

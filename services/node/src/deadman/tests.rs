@@ -313,7 +313,7 @@ fn no_command_breaks_the_rules() {
     let mut random = ChaCha8Rng::seed_from_u64(1);
     let config = Config::default();
     let mut dead_man = DeadMan::new(&config);
-    let (mut ms, mut heard, mut valid) = (2_000, 0, 0);
+    let (mut ms, mut heard, mut valid, mut refused) = (2_000, 0, 0, 0);
     let events = std::env::var("FUZZ").map_or(FUZZ, |text| text.parse().unwrap());
     for event in 0..events {
         if random.next_u32().is_multiple_of(64) {
@@ -337,10 +337,13 @@ fn no_command_breaks_the_rules() {
                 if dead_man.hear(at(ms), &command).is_ok() {
                     heard = ms;
                     valid += 1;
+                } else {
+                    refused += 1;
                 }
             }
         }
     }
+    println!("{events} events: {valid} valid commands followed, {refused} refused");
     assert!(events / 4 < valid, "hardly anything was valid: {valid}");
 }
 
