@@ -15,6 +15,8 @@ mod doctor;
 #[cfg(test)]
 mod example;
 #[cfg(test)]
+mod exhaustion;
+#[cfg(test)]
 mod faults;
 #[cfg(test)]
 mod house_rules;

@@ -5,13 +5,13 @@ use std::os::unix::process::CommandExt;
 use std::process::{Child, Command, ExitStatus};
 use std::time::Duration;
 
-use node::{Error, Namespace, Result, Settings, signal};
+use node::{Error, Result, signal};
 use rustix::event::{PollFd, PollFlags, Timespec};
 use rustix::process::{Pid, PidfdFlags, Signal};
 
 use crate::check::check_all;
 use crate::lock::Lock;
-use crate::{Check, Options, detach, last_words, shim, sweep};
+use crate::{Check, Options, detach, last_words, preflight, shim, sweep};
 
 /// Somebody may ask for the end in the very moment before this process waits.
 const POLL: Duration = Duration::from_millis(250);
@@ -27,7 +27,10 @@ pub(crate) fn up(options: &Options, check: Check) -> Result<u8> {
     sweep::strangers(&namespace);
     namespace.clear();
     last_words::forget(&namespace);
-    check_memory(&settings)?;
+    if let Err(error) = preflight::check(&settings) {
+        namespace.remove();
+        return Err(error);
+    }
     sweep::inherit_orphans();
     let outcome = start(&lock).and_then(watch).map(exit_code);
     sweep::children();
@@ -39,22 +42,6 @@ pub(crate) fn up(options: &Options, check: Check) -> Result<u8> {
     }
     drop(lock);
     outcome
-}
-
-/// What there is no room for in shared memory would kill its process in motion: refused before.
-fn check_memory(settings: &Settings) -> Result {
-    let (need, free) = (Namespace::need(settings.launch()), Namespace::free()?);
-    if need <= free {
-        return Ok(());
-    }
-    settings.namespace()?.remove();
-    let mebibytes = |bytes: u64| bytes as f64 / f64::from(1 << 20);
-    Err(Error::Fault(format!(
-        "/dev/shm has {:.1} MiB free, and the robot needs {:.1} MiB; free some, or enlarge it: \
-         mount -o remount,size=64M /dev/shm",
-        mebibytes(free),
-        mebibytes(need)
-    )))
 }
 
 /// Starts this very command again as the supervisor, which holds the lock with this process: who

@@ -28,6 +28,7 @@ mod outlet;
 mod pair;
 mod pairing;
 mod plan;
+mod preflight;
 mod report;
 mod screen;
 mod shim;
