@@ -19,6 +19,8 @@ mod exhaustion;
 #[cfg(test)]
 mod faults;
 #[cfg(test)]
+mod hogs;
+#[cfg(test)]
 mod house_rules;
 #[cfg(test)]
 mod kill_points;
