@@ -95,6 +95,9 @@ fn watch(mut supervisor: Child) -> Result<ExitStatus> {
             (passed_on..requests).for_each(|_| send(pid, signal));
             passed_on = requests;
         }
+        if detach::is_alone() {
+            last_words::trim();
+        }
         wait(&pidfd);
     }
 }

@@ -8,9 +8,13 @@ use std::os::unix::fs::FileExt;
 use std::path::Path;
 
 use node::{Namespace, clock};
+use rustix::fs::FallocateFlags;
 
 /// [-] The report of a run, and what its nodes have written before it.
 const LINES: usize = 60;
+
+/// [byte] Of what a run has printed: more than what it takes to come up, which `up` shows.
+const KEPT: u64 = 1024 * 1024;
 
 /// [byte] In which they are looked for.
 const TAIL: u64 = 64 * 1024;
@@ -20,7 +24,7 @@ pub(crate) fn keep(namespace: &Namespace, code: u8) {
     let Ok(output) = std::io::stdout().as_fd().try_clone_to_owned() else { return };
     let (robot, now) = (namespace.robot(), humantime::format_rfc3339_seconds(clock::wall()));
     let mut text = format!("{robot} ended at {now} with exit code {code}; it said last:\n");
-    for line in last(&tail(&File::from(output))) {
+    for line in last_of(&File::from(output)) {
         let _ = writeln!(text, "  {line}");
     }
     let path = namespace.last_words();
@@ -53,6 +57,27 @@ pub(crate) fn forget(namespace: &Namespace) {
     }
 }
 
+/// The last lines that were written into a file.
+pub(crate) fn last_of(output: &File) -> Vec<String> {
+    last(&tail(output))
+}
+
+/// Gives back the memory of what this guardian's run printed long ago: nobody will ask for it.
+pub(crate) fn trim() {
+    let output = std::io::stdout();
+    let Ok(file) = rustix::fs::fstat(&output) else { return };
+    let size = u64::try_from(file.st_size).unwrap_or_default();
+    cut(&output, size);
+}
+
+fn cut(output: impl AsFd, size: u64) {
+    // In whole pages; the file keeps its length, and who writes the place in it.
+    let flags = FallocateFlags::PUNCH_HOLE | FallocateFlags::KEEP_SIZE;
+    if let Some(old) = size.checked_sub(KEPT).filter(|old| 0 < *old) {
+        let _ = rustix::fs::fallocate(output, flags, 0, old);
+    }
+}
+
 /// Not with `read`: whoever writes shares the place where that begins.
 fn tail(output: &File) -> Vec<u8> {
     let size = output.metadata().map_or(0, |file| file.len());
@@ -71,7 +96,24 @@ fn last(bytes: &[u8]) -> Vec<String> {
 
 #[cfg(test)]
 mod tests {
+    use std::io::Write as _;
+    use std::os::unix::fs::MetadataExt;
+
     use super::*;
+
+    #[test]
+    fn a_robot_that_prints_for_ever_grows_no_more() {
+        let memory = rustix::fs::memfd_create("test", rustix::fs::MemfdFlags::CLOEXEC);
+        let mut output = File::from(memory.unwrap());
+        output.write_all(&b"one of many lines\n".repeat(300_000)).unwrap();
+        output.write_all(b"the last\n").unwrap();
+        let size = output.metadata().unwrap().len();
+        cut(&output, size);
+
+        let held = 512 * output.metadata().unwrap().blocks();
+        assert!(4 * KEPT < size && held <= KEPT + 4096, "{held} of {size}");
+        assert_eq!(last_of(&output).last().unwrap(), "the last");
+    }
 
     #[test]
     fn the_last_lines_are_kept_in_their_order() {
