@@ -19,6 +19,15 @@ const OWNED: [(&str, &str); 4] = [
 const CLOCKS: [&str; 5] =
     ["Instant::now", "SystemTime::now", "thread::sleep", "clock_gettime", "nanosleep"];
 
+/// Files that write down what people's clocks say, for people.
+const WRITERS: [&str; 5] = [
+    "services/node/src/clock.rs",
+    "services/supervisor/src/history.rs",
+    "services/supervisor/src/last_words.rs",
+    "services/supervisor/src/log_book.rs",
+    "services/supervisor/src/supervise.rs",
+];
+
 /// Structs in messages that are made of fields with units of their own.
 const COMPOSITES: [&str; 3] = ["Header", "PortStatus", "Value"];
 
@@ -85,6 +94,22 @@ fn only_node_reads_the_clock_or_sleeps() {
                     source.path
                 );
             }
+        }
+    }
+}
+
+#[test]
+fn nothing_but_text_is_made_of_the_wall_clock() {
+    let uses = ["clock::wall", "SystemTime"];
+    for source in sources().iter().filter(|source| !source.is_test()) {
+        for (number, line) in source.code() {
+            let is_used = uses.iter().any(|using| line.contains(using));
+            assert!(
+                !is_used || WRITERS.contains(&source.path.as_str()),
+                "{}:{number} reads the wall clock, which people may set: take `clock::now`, or name \
+                 the file in WRITERS if it only writes the time down",
+                source.path
+            );
         }
     }
 }

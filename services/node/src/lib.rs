@@ -57,7 +57,7 @@ pub use error::{Error, Result};
 pub use estop::EmergencyStop;
 pub use figures::{Gauge, Latency};
 pub use managed::{Node, Tick, run_with};
-pub use namespace::{Namespace, SharedMemory, Swept};
+pub use namespace::{Namespace, SharedMemory, Swept, Unfinished};
 pub use notify::{Notifier, watchdog_period};
 pub use port::{Publisher, Sample, Subscriber};
 pub use refusals::Refusals;

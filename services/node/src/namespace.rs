@@ -15,7 +15,7 @@ use rustix::fs::FlockOperation;
 use crate::{EmergencyStop, Error, Result, clock};
 
 pub use segments::SharedMemory;
-pub use sweep::Swept;
+pub use sweep::{Swept, Unfinished};
 
 /// The transport's version, part of every name: two versions must never meet.
 const TRANSPORT: &str = "0100";

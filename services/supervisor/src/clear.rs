@@ -3,7 +3,7 @@
 use std::process::ExitCode;
 
 use clap::Args;
-use node::{Error, Namespace, Result, clock};
+use node::{Error, Namespace, Result, Unfinished, clock};
 
 use crate::lock::Lock;
 use crate::supervise::{POLL_POSTPONED, UNFINISHED_AGE, UNFINISHED_WAIT};
@@ -52,7 +52,8 @@ fn remove(namespace: &Namespace) -> Result {
 /// As the supervisor does it before a node's next life.
 fn sweep_unfinished(namespace: &Namespace) {
     let begun = clock::now();
-    while 0 < namespace.sweep_unfinished(UNFINISHED_AGE).unfinished
+    let mut known = Unfinished::default();
+    while 0 < namespace.sweep_unfinished(&mut known, UNFINISHED_AGE).unfinished
         && clock::now().since(begun) < UNFINISHED_WAIT
     {
         clock::nap(POLL_POSTPONED);

@@ -8,7 +8,7 @@ use interfaces::topics::{
     SENSOR_PAIR, TELEOP_COMMAND, VELOCITY_COMMAND,
 };
 use interfaces::{Stamp, State, Transition};
-use node::{Held, Namespace, Notifier, Result, Session, Settings, clock, signal};
+use node::{Held, Namespace, Notifier, Result, Session, Settings, Unfinished, clock, signal};
 use rustix::event::{PollFd, PollFlags, Timespec};
 use rustix::process::Signal;
 
@@ -92,6 +92,7 @@ pub(crate) struct Supervisor<'a> {
     events: VecDeque<Event>,
     /// Lives that wait until what the last one left is out of their way.
     postponed: Vec<(usize, u32, Stamp)>,
+    unfinished: Unfinished,
     screen: Screen,
     systemd: Notifier,
     systemd_period: Duration,
@@ -135,6 +136,7 @@ impl<'a> Supervisor<'a> {
             launcher,
             events: VecDeque::new(),
             postponed: Vec::new(),
+            unfinished: Unfinished::default(),
             screen: Screen::new(now, options.log.format),
             systemd: Notifier::from_environment(),
             systemd_period: watchdog_period(),
@@ -302,7 +304,7 @@ impl<'a> Supervisor<'a> {
     /// Begins a life, as soon as nothing unfinished of the last one is in its way.
     fn spawn(&mut self, node: usize, epoch: u32, asked: Stamp) {
         let may_wait = 1 < epoch && clock::now().since(asked) < UNFINISHED_WAIT;
-        if may_wait && 0 < self.namespace.sweep_unfinished(UNFINISHED_AGE).unfinished {
+        if may_wait && 0 < self.sweep_unfinished() {
             self.postponed.push((node, epoch, asked));
             return;
         }
@@ -313,6 +315,11 @@ impl<'a> Supervisor<'a> {
             let news = News::NotSpawned { why };
             self.events.push_back(Event::News { node, epoch, news });
         }
+    }
+
+    /// [-] What may still be under way, of all that is unfinished.
+    fn sweep_unfinished(&mut self) -> usize {
+        self.namespace.sweep_unfinished(&mut self.unfinished, UNFINISHED_AGE).unfinished
     }
 
     fn spawn_postponed(&mut self) {

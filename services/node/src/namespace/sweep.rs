@@ -4,7 +4,9 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, SystemTime};
+use std::time::Duration;
+
+use interfaces::Stamp;
 
 use super::{LOCK, Namespace};
 use crate::{EmergencyStop, clock};
@@ -26,6 +28,28 @@ pub struct Swept {
     pub removed: usize,
     /// [-] Files that may be unfinished because somebody is at work on them.
     pub unfinished: usize,
+}
+
+/// What was unfinished at the last look, and since when it has been as it was then: by looking, and
+/// not by the files' own times, which are those of a clock that people may set.
+#[derive(Debug, Default)]
+pub struct Unfinished(BTreeMap<PathBuf, Seen>);
+
+/// A file as it was seen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Seen {
+    /// [s, ns] On whatever clock: what counts is whether it is another.
+    changed: (i64, i64),
+    since: Stamp,
+}
+
+/// One look at everything.
+struct Look {
+    now: Stamp,
+    age_min: Duration,
+    before: BTreeMap<PathBuf, Seen>,
+    after: BTreeMap<PathBuf, Seen>,
+    swept: Swept,
 }
 
 impl Namespace {
@@ -63,23 +87,29 @@ impl Namespace {
         self.segments().filter(|path| fs::remove_file(path).is_err()).collect()
     }
 
-    /// Removes what a process that was killed while it made it left unfinished, if it is older than
-    /// `age_min`: iceoryx2 0.10.0 waits for such files for ever, or never removes them. While others
+    /// Removes what a process that was killed while it made it left unfinished, if it has been so
+    /// for `age_min`, by what is `known`: iceoryx2 0.10.0 waits for such files for ever, or never removes them. While others
     /// live this is safe with an `age_min` that no living maker needs. Only for the supervisor.
-    pub fn sweep_unfinished(&self, age_min: Duration) -> Swept {
-        let mut swept = Swept::default();
-        let now = clock::wall();
+    pub fn sweep_unfinished(&self, known: &mut Unfinished, age_min: Duration) -> Swept {
+        let mut look = Look {
+            now: clock::now(),
+            age_min,
+            before: std::mem::take(&mut known.0),
+            after: BTreeMap::new(),
+            swept: Swept::default(),
+        };
         for path in self.segments() {
             let is_unfinished =
                 |file: &fs::Metadata| file.len() == 0 || file.mode() & 0o777 == UNFINISHED_MODE;
-            swept.look_at(&path, now, age_min, is_unfinished);
+            look.at(&path, is_unfinished);
         }
-        self.sweep_tree(&self.directory, now, age_min, &mut swept);
-        swept
+        self.sweep_tree(&self.directory, &mut look);
+        known.0 = look.after;
+        look.swept
     }
 
     /// The transport's own files: what describes services and ports, and the nodes' monitors.
-    fn sweep_tree(&self, directory: &Path, now: SystemTime, age_min: Duration, swept: &mut Swept) {
+    fn sweep_tree(&self, directory: &Path, look: &mut Look) {
         let entries: Vec<_> = fs::read_dir(directory).into_iter().flatten().flatten().collect();
         for entry in &entries {
             let path = entry.path();
@@ -87,24 +117,18 @@ impl Namespace {
                 .iter()
                 .any(|end| entry.file_name().as_encoded_bytes().ends_with(end.as_bytes()));
             if path.is_dir() {
-                self.sweep_tree(&path, now, age_min, swept);
+                self.sweep_tree(&path, look);
             } else if is_static {
-                swept.look_at(&path, now, age_min, |file| file.mode() & 0o200 != 0);
+                look.at(&path, |file| file.mode() & 0o200 != 0);
             }
         }
         if directory.file_name().is_some_and(|name| name == "nodes") {
-            self.sweep_monitors(&entries, now, age_min, swept);
+            self.sweep_monitors(&entries, look);
         }
     }
 
     /// A node whose monitor is incomplete is neither alive nor dead to the transport.
-    fn sweep_monitors(
-        &self,
-        entries: &[fs::DirEntry],
-        now: SystemTime,
-        age_min: Duration,
-        swept: &mut Swept,
-    ) {
+    fn sweep_monitors(&self, entries: &[fs::DirEntry], look: &mut Look) {
         // `PREFIX_NUMBER.node_monitor` and its like lie beside the directory `NUMBER`.
         let mut nodes: BTreeMap<String, Vec<PathBuf>> = BTreeMap::new();
         for entry in entries {
@@ -122,33 +146,28 @@ impl Namespace {
                 MONITOR_FILES <= monitors.len() && monitors.iter().filter(is_closed).count() == 0;
             if !is_whole {
                 for path in paths {
-                    swept.look_at(path, now, age_min, |_| true);
+                    look.at(path, |_| true);
                 }
             }
         }
     }
 }
 
-impl Swept {
+impl Look {
     /// Removes `path` if it is unfinished and nobody can be at work on it any more.
-    fn look_at(
-        &mut self,
-        path: &Path,
-        now: SystemTime,
-        age_min: Duration,
-        is_unfinished: impl FnOnce(&fs::Metadata) -> bool,
-    ) {
+    fn at(&mut self, path: &Path, is_unfinished: impl FnOnce(&fs::Metadata) -> bool) {
         let Ok(file) = fs::metadata(path) else { return };
         if !is_unfinished(&file) {
             return;
         }
-        let seconds = u64::try_from(file.ctime()).unwrap_or_default();
-        let nanoseconds = u32::try_from(file.ctime_nsec()).unwrap_or_default();
-        let changed = SystemTime::UNIX_EPOCH + Duration::new(seconds, nanoseconds);
-        if now.duration_since(changed).unwrap_or_default() < age_min {
-            self.unfinished += 1;
+        let changed = (file.ctime(), file.ctime_nsec());
+        let before = self.before.get(path).filter(|seen| seen.changed == changed);
+        let since = before.map_or(self.now, |seen| seen.since);
+        if self.now.since(since) < self.age_min {
+            self.swept.unfinished += 1;
+            self.after.insert(path.to_owned(), Seen { changed, since });
         } else if fs::remove_file(path).is_ok() || fs::remove_dir_all(path).is_ok() {
-            self.removed += 1;
+            self.swept.removed += 1;
         }
     }
 }
