@@ -62,6 +62,31 @@ fn whatever_is_killed_whenever_nothing_survives_and_the_robot_comes_up_again() {
     times.print(seed, kills);
 }
 
+// Not vacuous: with lab_robot.toml's own start limit a robot that was struck forty times a minute gave
+// up, and the verb ended with 1.
+#[test]
+fn the_verb_tells_what_a_robot_did_after_each_blow_and_that_nothing_is_left() {
+    let robot = Robot::new();
+    let launch_file = tireless(&robot);
+    let rates = ["--kills-per-minute=30", "--stops-per-minute=30", "--for=6", "--seed=3"];
+    let sets = ["chaos", &launch_file, "--set=simulator.stop_at_collision=false"];
+    let ended = robot.start(&[sets.as_slice(), &rates].concat()).wait();
+
+    ended.assert_code(0).assert_says(&["seed 3: 6 blows: READY after them, nothing left"]);
+    let told = ended.out.lines().filter(|line| line.contains(" s  SIG")).count();
+    assert_eq!(told, 6, "{}", ended.story());
+    robot.assert_nothing_left();
+}
+
+#[test]
+fn the_verb_takes_no_robot_whose_nodes_stay_down() {
+    let robot = Robot::new();
+    let ended = robot.start(&["chaos", "config/simulation.toml"]).wait();
+
+    ended.assert_code(1).assert_says(&["`odometry` would not be started again"]);
+    robot.assert_nothing_left();
+}
+
 /// Kills the guardian or the supervisor: nothing of the run survives, and the next `up` works.
 fn end_by(robot: &Robot, run: Run<'_>, victim: Process, times: &mut Times, context: &str) {
     let is_guardian = run.process() == victim;

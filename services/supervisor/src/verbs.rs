@@ -1,5 +1,6 @@
 //! What is asked of a robot that runs: the other end of the control socket.
 
+mod chaos;
 mod connection;
 mod down;
 mod follow;
@@ -18,6 +19,7 @@ use node::Namespace;
 
 use crate::control::{LINES, Request};
 use crate::last_words;
+use chaos::ChaosOptions;
 use follow::Feed;
 use steer::Goal;
 
@@ -113,6 +115,8 @@ pub enum Verb {
         #[allow(missing_docs, reason = "the flattened options document themselves")]
         robot: Which,
     },
+    /// Bring a robot up, let things go wrong with it from a seed, and say what it did
+    Chaos(ChaosOptions),
     /// Say why a node is in the state that it is in
     Why {
         #[command(flatten)]
@@ -173,6 +177,7 @@ impl Verb {
             Self::Estop { robot, clear: true, .. } => motion::release(robot.name()),
             Self::Estop { robot, clear: false, reason } => motion::stop(robot.name(), reason),
             Self::Arm { robot } => motion::arm(robot.name()),
+            Self::Chaos(options) => chaos::chaos(options),
             Self::Restart { node } => node.steer(Goal::Restarted),
             Self::Stop { node } => node.steer(Goal::Stopped),
             Self::Start { node } => node.steer(Goal::Started),
