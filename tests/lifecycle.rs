@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use rustix::process::Signal;
 
+use crate::random::{Random, number};
 use crate::robot::{Ended, Robot, Run};
 
 /// The nodes of config/simulation.toml in the order in which they start; the pairing is the
@@ -178,6 +179,31 @@ fn when_all_are_killed_at_once_the_next_run_cleans_up() {
 
     robot.up(&["--for", "2"]).assert_code(0).assert_nothing_lost();
     robot.assert_nothing_left();
+}
+
+/// `CUTS` says how many; half of them in the middle of a start.
+#[test]
+fn after_the_power_was_cut_at_any_moment_the_next_robot_comes_up() {
+    let (seed, cuts) = (number("SEED", 1), number("CUTS", 4));
+    let mut random = Random(seed);
+    let robot = Robot::new();
+    for cut in 0..cuts {
+        let context = format!("SEED={seed}, cut {cut}");
+        let is_in_start = cut % 2 == 1;
+        let run = robot.start_up(&["config/lab_robot.toml"]);
+        let run = if is_in_start { run } else { run.await_count("READY", 1) };
+        let run = run.go_on(random.duration(Duration::from_millis(250)));
+        // All at once, so that nobody tidies up.
+        for signal in [Signal::STOP, Signal::KILL] {
+            robot.processes().into_iter().for_each(|process| process.signal(signal));
+        }
+        assert_eq!(run.wait().code, KILLED, "{context}");
+        robot.await_no_process();
+    }
+
+    robot.start_up(&["config/lab_robot.toml"]).await_count("READY", 1).stop();
+    robot.assert_nothing_left();
+    println!("F19 {cuts} power cuts, seed {seed}: the next robot came up after each");
 }
 
 #[test]

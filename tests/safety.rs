@@ -176,6 +176,29 @@ fn when_the_supervisor_dies_the_wheels_are_stopped_before_the_process_ends() {
 }
 
 #[test]
+fn when_guardian_and_supervisor_die_at_once_the_wheels_stop_and_the_next_robot_comes_up() {
+    alone(|robot| {
+        let run = driving(robot).go_on(Duration::from_millis(500));
+        let session = Session::join(&robot.namespace(), "witness", 1).unwrap();
+        let mut witness = Witness::new(&session);
+        witness.await_state(Permission::Armed, StopCause::None);
+        let both = [run.process(), run.supervisor()];
+        for signal in [Signal::STOP, Signal::KILL] {
+            for process in both {
+                process.signal(signal);
+            }
+        }
+
+        witness.await_state(Permission::Braking, StopCause::SupervisorLost);
+        witness.await_state(Permission::Held, StopCause::SupervisorLost);
+        drop((witness, session));
+        assert_eq!(run.wait().code, 128 + 9);
+        robot.await_no_process();
+        driving(robot).stop();
+    });
+}
+
+#[test]
 fn a_robot_that_is_taken_down_stands_still_first() {
     alone(|robot| {
         let run = driving(robot).go_on(Duration::from_millis(500));
