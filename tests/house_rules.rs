@@ -315,6 +315,33 @@ fn the_readme_s_test_command_is_the_one_that_is_run() {
     assert!(runs_check, ".ci/run does not run `{command}`");
 }
 
+#[test]
+fn every_fault_has_a_row_in_the_readme_and_every_test_that_a_row_names_is_there() {
+    let readme = read("README.md");
+    let table = readme.split("faults -->").nth(1).expect("README.md has no table of faults");
+    for number in (1..=19).chain(24..=28) {
+        let row = format!("\n| F{number} |");
+        assert!(table.contains(&row), "README.md's table of faults has no row F{number}");
+    }
+    let sources = sources();
+    let names = table.split('`').skip(1).step_by(2).filter_map(|name| name.split_once("::"));
+    let names: Vec<_> = names.collect();
+    assert!(20 < names.len(), "tests are looked for in the wrong place");
+    for (place, name) in names {
+        let file = format!("tests/{place}.rs");
+        let is_whole = sources.iter().any(|source| source.path == file);
+        let may_be = |source: &&Source| {
+            if is_whole { source.path == file } else { source.path.contains(place) }
+        };
+        let test = format!("#[test]\nfn {name}(");
+        let is_there = |source: &Source| source.text.replace("    ", "").contains(&test);
+        assert!(
+            sources.iter().filter(may_be).any(is_there),
+            "README.md's table of faults names {place}::{name}, which is no test: say which shows it"
+        );
+    }
+}
+
 /// One Rust file of the project.
 struct Source {
     /// From the project's root.

@@ -181,7 +181,8 @@ fn when_all_are_killed_at_once_the_next_run_cleans_up() {
     robot.assert_nothing_left();
 }
 
-/// `CUTS` says how many; half of them in the middle of a start.
+// Broken on purpose: where the guardian did not clear what was left, the next robot did not come up.
+// `CUTS` says how many; half of them in the middle of a start.
 #[test]
 fn after_the_power_was_cut_at_any_moment_the_next_robot_comes_up() {
     let (seed, cuts) = (number("SEED", 1), number("CUTS", 4));
