@@ -252,12 +252,14 @@ impl<'a> Supervisor<'a> {
         Ok(())
     }
 
-    /// Once: down in order. Twice: at once.
+    /// Once: down in order. Twice: at once; but who dies has not insisted on anything, though the
+    /// kernel may say it for each of the guardian's threads.
     fn hear_signals(&mut self) {
         let requests = signal::stop_requests();
         if self.stop_requests < requests {
-            let ask = if requests == 1 { Ask::Down } else { Ask::DownNow };
             self.stop_requests = requests;
+            let insists = 1 < requests && guardian::is_alive(self.guardian);
+            let ask = if insists { Ask::DownNow } else { Ask::Down };
             self.events.push_back(Event::Asked(ask));
         }
     }
