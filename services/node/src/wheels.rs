@@ -77,6 +77,8 @@ impl Wheels {
         } else if node.leaving()? {
             self.dead_man.pause(time);
         }
+        // A trip is told before a command that came too late for it, and would hide the silence.
+        self.dead_man.motion(time);
         self.tell(time)?;
         if std::mem::take(&mut self.has_news) {
             node.hint("MOTION");
