@@ -114,6 +114,12 @@ impl Wheels {
         self.dead_man.is_at_rest(time)
     }
 
+    /// The moment at which the dead-man trips unless a valid command comes before: whoever drives the
+    /// wheels is awake then.
+    pub fn due(&self) -> Option<Stamp> {
+        self.dead_man.due()
+    }
+
     fn tell(&mut self, time: Stamp) -> Result {
         let changes = self.dead_man.changes();
         if changes == self.told {

@@ -112,6 +112,7 @@ fn realtime(node: &mut Node<'_>, mut robot: Robot, config: &Config) -> Result {
         }
         // Whoever lets go of the wheels stops them first.
         let motion = robot.wheels.motion(tick.now)?;
+        node.wake_by(robot.wheels.due());
         if robot.has_ended || robot.wheels.is_at_rest(tick.now) {
             node.release();
         } else {
