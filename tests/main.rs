@@ -9,6 +9,8 @@ mod bad_input;
 #[cfg(test)]
 mod chaos;
 #[cfg(test)]
+mod crash_matrix;
+#[cfg(test)]
 mod determinism;
 #[cfg(test)]
 mod doctor;
@@ -52,3 +54,5 @@ mod tickets;
 mod topics;
 #[cfg(test)]
 mod units;
+#[cfg(test)]
+mod witness;

@@ -232,6 +232,14 @@ impl Robot {
         self.prefixes.borrow().iter().flat_map(|prefix| segments(prefix)).collect()
     }
 
+    /// The files of this robot, in shared memory and in its directory.
+    pub(crate) fn files(&self) -> Vec<PathBuf> {
+        let segments = self.segments().into_iter().map(|name| Path::new(SHARED_MEMORY).join(name));
+        let robots = fs::read_dir(self.runtime()).into_iter().flatten().flatten();
+        let entries = robots.flat_map(|robot| fs::read_dir(robot.path()).into_iter().flatten());
+        segments.chain(entries.flatten().map(|entry| entry.path())).collect()
+    }
+
     /// Nothing is left of the runs so far.
     pub(crate) fn assert_nothing_left(&self) {
         self.await_no_process();
@@ -547,13 +555,25 @@ pub(crate) fn alone<F: FnOnce(&Robot)>(body: F) {
 
 /// The same for a test by name, where `body` is not the test's own closure.
 pub(crate) fn alone_in(test: &str, body: impl FnOnce(&Robot)) {
+    let output = alone_with(test, &[], body).unwrap_or_default();
+    // What it has measured, as a test of this process would show it.
+    output.lines().filter(|line| line.starts_with("| ")).for_each(|line| println!("{line}"));
+}
+
+/// The same with variables in the environment of `body`'s process. Returns what that has printed, to
+/// the process that has started it.
+pub(crate) fn alone_with(
+    test: &str,
+    environment: &[(&str, String)],
+    body: impl FnOnce(&Robot),
+) -> Option<String> {
     if let Some(directory) = std::env::var_os(ALONE) {
         let robot = Robot { directory: directory.into(), prefixes: RefCell::default() };
         body(&robot);
         robot.note_prefixes();
         robot.namespace().remove();
         assert!(!robot.prefixes.borrow().is_empty(), "the body has joined nothing");
-        return;
+        return None;
     }
     let robot = Robot::new();
     // This same binary, which comes here again.
@@ -561,12 +581,12 @@ pub(crate) fn alone_in(test: &str, body: impl FnOnce(&Robot)) {
         .args([test, "--exact", "--nocapture"])
         .env("TESEO_RUNTIME_DIR", robot.runtime())
         .env(ALONE, &robot.directory)
+        .envs(environment.iter().map(|(key, value)| (key, value)))
         .output()
         .unwrap();
     let output = [child.stdout, child.stderr].map(|text| String::from_utf8(text).unwrap()).concat();
     assert!(child.status.success() && output.contains("1 passed"), "{output}");
-    // What it has measured, as a test of this process would show it.
-    output.lines().filter(|line| line.starts_with("| ")).for_each(|line| println!("{line}"));
+    Some(output)
 }
 
 /// The name of the test that `body` is a closure of.

@@ -3,13 +3,13 @@
 
 use std::time::Duration;
 
-use interfaces::topics::{JOINT_STATES, MOTION_STATE};
-use interfaces::{MotionState, Permission, Stamp, StopCause};
-use node::{Session, Subscriber, clock};
+use interfaces::{Permission, StopCause};
+use node::{Session, clock};
 use rustix::process::Signal;
 use serde_json::Value;
 
-use crate::robot::{Robot, Run, alone, wait_until};
+use crate::robot::{Robot, Run, alone};
+use crate::witness::Witness;
 
 /// The robot that restarts what dies.
 const LAB_ROBOT: &str = include_str!("../config/lab_robot.toml");
@@ -41,34 +41,6 @@ fn enduring(robot: &Robot) -> Run<'_> {
 fn motion(robot: &Robot) -> Value {
     let ended = robot.start(&["status", "--json"]).wait();
     serde_json::from_str::<Value>(&ended.out).unwrap_or_default()["motion"].clone()
-}
-
-/// One who watches the wheels.
-pub(crate) struct Witness {
-    states: Subscriber<MotionState>,
-    newest: MotionState,
-}
-
-impl Witness {
-    pub(crate) fn new(session: &Session) -> Self {
-        let states = session.subscriber(&MOTION_STATE).unwrap();
-        Self { states, newest: MotionState::default() }
-    }
-
-    /// The first state from now on that is this one.
-    pub(crate) fn await_state(&mut self, permission: Permission, cause: StopCause) -> MotionState {
-        let found = wait_until(Duration::from_secs(20), || {
-            while let Some(state) = self.states.receive().unwrap() {
-                self.newest = *state;
-                if state.permission == permission as u8 && state.cause == cause as u8 {
-                    return true;
-                }
-            }
-            false
-        });
-        assert!(found, "never {permission:?} for {cause:?}, but {:?}", self.newest);
-        self.newest
-    }
 }
 
 #[test]
@@ -200,22 +172,35 @@ fn when_guardian_and_supervisor_die_at_once_the_wheels_stop_and_the_next_robot_c
 }
 
 #[test]
+fn who_kills_the_guardian_on_the_way_down_has_not_insisted_that_the_wheels_be_let_go() {
+    alone(|robot| {
+        let run = driving(robot).go_on(Duration::from_millis(500));
+        let session = Session::join(&robot.namespace(), "witness", 1).unwrap();
+        let mut witness = Witness::new(&session);
+        witness.await_state(Permission::Armed, StopCause::None);
+        let run = run.signal(Signal::INT);
+        witness.await_state(Permission::Braking, StopCause::Paused);
+        run.process().signal(Signal::KILL);
+
+        witness.await_state(Permission::Held, StopCause::Paused);
+        drop((witness, session));
+        assert_eq!(run.wait().code, 128 + 9);
+        robot.await_no_process();
+    });
+}
+
+#[test]
 fn a_robot_that_is_taken_down_stands_still_first() {
     alone(|robot| {
         let run = driving(robot).go_on(Duration::from_millis(500));
         let session = Session::join(&robot.namespace(), "witness", 1).unwrap();
         let mut witness = Witness::new(&session);
-        let mut joints = session.subscriber(&JOINT_STATES).unwrap();
         witness.await_state(Permission::Armed, StopCause::None);
         run.stop();
 
         witness.await_state(Permission::Held, StopCause::Paused);
-        let mut speeds = Vec::<(Stamp, [f64; 2])>::new();
-        while let Some(joint) = joints.receive().unwrap() {
-            speeds.push((joint.header.stamp, joint.velocity));
-        }
-        let (_, last) = speeds.last().unwrap();
+        let last = witness.wheels.last().unwrap().velocity;
         assert!(last.iter().all(|speed| speed.abs() < 4.0), "{last:?}: it drove into the end");
-        drop((witness, joints, session));
+        drop((witness, session));
     });
 }

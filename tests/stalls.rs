@@ -12,8 +12,8 @@ use node::{Node, Session};
 use rustix::process::Signal;
 
 use crate::robot::{Ended, Robot, Run, alone, lasts, mount_namespace, test_of};
-use crate::safety::Witness;
 use crate::supervision::own_arguments;
+use crate::witness::Witness;
 
 /// The robot that restarts what dies.
 const LAB_ROBOT: &str = include_str!("../config/lab_robot.toml");
