@@ -20,6 +20,8 @@ fn a_robot_with_lost_late_and_stalled_samples_keeps_going_and_can_explain_every_
         "--set=simulator.faults.scan.delay_max_s=0.01",
         "--set=pairing.slop_ms=50",
         "--set=pairing.max_age_ms=500",
+        // Lost scans and a stopped node must not leave it standing until a person comes.
+        "--set=simulator.deadman.timeout_ms=500",
     ]);
     let run = run.await_active().go_on(Duration::from_secs(20));
     let odometry = run.node("odometry");
