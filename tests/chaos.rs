@@ -106,17 +106,22 @@ fn end_by(robot: &Robot, run: Run<'_>, victim: Process, times: &mut Times, conte
 
 /// Kills a node: the robot is ready again without hands.
 fn outlive<'a>(run: Run<'a>, victim: Process, times: &mut Times, context: &str) -> Run<'a> {
-    let was_ready = run.output().matches("READY").count();
     let name = victim
         .command()
         .into_iter()
-        .find_map(|word| Some(word.strip_prefix("--name=")?.to_owned()));
+        .find_map(|word| Some(word.strip_prefix("--name=")?.to_owned()))
+        .unwrap_or_default();
+    let activation = format!("{name:<12} inactive -> active");
+    let so_far = |milestone: &str| run.output().matches(milestone).count();
+    let (was_active, was_ready) = (so_far(&activation), so_far("READY"));
     let killed = clock::now();
     victim.signal(Signal::KILL);
+    let run = run.await_count(&activation, was_active + 1);
+    let active = clock::now().since(killed);
     let run = run.await_count("READY", was_ready + 1);
     if 0 < was_ready {
-        times
-            .add(&format!("{}: ready again", name.unwrap_or_default()), clock::now().since(killed));
+        times.add(&format!("{name}: active again"), active);
+        times.add(&format!("{name}: ready again"), clock::now().since(killed));
     }
     assert!(!run.output().contains("gave up"), "{context}\n{}", run.output());
     run

@@ -84,6 +84,25 @@ fn a_hand_that_has_left_the_keyboard_stops_the_robot() {
     });
 }
 
+// Broken on purpose: where the multiplexer promised a steady flow, the robot was never ready.
+#[test]
+fn a_robot_without_autonomy_is_ready_for_a_person() {
+    alone(|robot| {
+        let (_, controller) = TELEOP.split_at(TELEOP.rfind("[[process]]").unwrap());
+        assert!(controller.contains("controller"), "{controller}");
+        let launch_file = robot.launch_file_from(TELEOP, &[(controller, "")]);
+        let run = robot.start_up(&[&launch_file]).await_count("READY", 1);
+        let mut watch = Watch::new(robot);
+        let terminal = Terminal::new();
+        let teleop = terminal.start(robot, &[]).await_output("the first key takes over");
+
+        watch.await_odometry_while(&terminal, LEFT, "turns", |odometry| 0.4 < odometry.angular);
+        terminal.press("\x03");
+        teleop.wait().assert_code(0);
+        run.stop();
+    });
+}
+
 #[test]
 fn a_second_person_is_refused() {
     alone(|robot| {

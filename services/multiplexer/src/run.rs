@@ -12,7 +12,8 @@ pub fn run(node: &mut Node<'_>) -> Result {
     let mut multiplexer = Multiplexer::new(&load(node.settings())?);
     let mut teleop = node.subscribe(&TELEOP_COMMAND)?;
     let mut autonomy = node.subscribe(&AUTONOMY_COMMAND)?;
-    let mut commands = node.publish(&VELOCITY_COMMAND)?;
+    // It says nothing of its own: a robot that no one drives yet is ready all the same.
+    let mut commands = node.publish_on_event(&VELOCITY_COMMAND)?;
     let mut gauges = Gauges::new(node);
     while let Some(tick) = node.tick()? {
         if !teleop.has_publisher() {

@@ -215,6 +215,21 @@ impl<'a> Node<'a> {
     /// Becomes the one publisher of `topic`, and promises a steady flow: the robot is ready only when
     /// something has come, and a silence of a second is a fault.
     pub fn publish<T: Message>(&mut self, topic: &Topic<T>) -> Result<Publisher<T>> {
+        self.publisher(topic, Counted::new)
+    }
+
+    /// Becomes the one publisher of `topic`, but promises nothing: for what is sent only when
+    /// something happens, such as an alarm, or once, such as a map. Nobody waits for it, neither for
+    /// the robot to be ready nor later.
+    pub fn publish_on_event<T: Message>(&mut self, topic: &Topic<T>) -> Result<Publisher<T>> {
+        self.publisher(topic, Counted::on_event)
+    }
+
+    fn publisher<T: Message>(
+        &mut self,
+        topic: &Topic<T>,
+        counted: fn(Rc<dyn Port>) -> Counted,
+    ) -> Result<Publisher<T>> {
         let mut publisher = self.session.publisher(topic)?;
         let faults = self.settings.faults(|_, _| {})?;
         if topic.scope == Scope::Robot
@@ -228,16 +243,7 @@ impl<'a> Node<'a> {
             let (port, faults) = (publisher.port(), *faults);
             self.faulty.push(Faulty { topic: topic.name, faults, port, gauges: Vec::new() });
         }
-        self.ports.push(Counted::new(publisher.port()));
-        Ok(publisher)
-    }
-
-    /// Becomes the one publisher of `topic`, but promises nothing: for what is sent only when
-    /// something happens, such as an alarm, or once, such as a map. Nobody waits for it, neither for
-    /// the robot to be ready nor later.
-    pub fn publish_on_event<T: Message>(&mut self, topic: &Topic<T>) -> Result<Publisher<T>> {
-        let publisher = self.session.publisher(topic)?;
-        self.ports.push(Counted::on_event(publisher.port()));
+        self.ports.push(counted(publisher.port()));
         Ok(publisher)
     }
 
