@@ -55,4 +55,6 @@ mod topics;
 #[cfg(test)]
 mod units;
 #[cfg(test)]
+mod waiting;
+#[cfg(test)]
 mod witness;

@@ -62,6 +62,6 @@ pub use notify::{Notifier, watchdog_period};
 pub use port::{Publisher, Sample, Subscriber};
 pub use refusals::Refusals;
 pub use session::{Held, Session};
-pub use wake::Wait;
+pub use wake::{Wait, Waiter};
 pub use wheels::{Heard, Wheels};
 pub use window::{Lookup, Recent, Window};

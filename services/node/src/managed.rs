@@ -1,13 +1,15 @@
 //! A managed node: its own code runs only while it is active.
 
-use std::rc::Rc;
+mod ports;
+mod rhythm;
+mod telling;
+
 use std::time::Duration;
 
-use iceoryx2::prelude::{SignalHandlingMode, WaitSetBuilder, ipc};
 use interfaces::topics::{CHANGE_STATE, STATUS, TRANSITION_EVENT};
 use interfaces::{
-    ChangeState, Message, NodeStatus, Outcome, PORTS_MAX, PortStatus, Scope, Stamp, State, Text,
-    Topic, Transition, TransitionEvent,
+    ChangeState, Message, NodeStatus, Outcome, Scope, Stamp, State, Text, Topic, Transition,
+    TransitionEvent,
 };
 use xxhash_rust::xxh3::xxh3_64_with_seed;
 
@@ -15,14 +17,16 @@ use rustix::process::{Pid, getppid};
 
 use crate::arguments;
 use crate::config;
-use crate::faults::{Faults, FaultyLink, Figure};
+use crate::faults::FaultyLink;
 use crate::figures::Figures;
-use crate::port::Port;
 use crate::wake::Waiter;
 use crate::{
-    Clock, Error, Gauge, Latency, Notifier, Publisher, Result, Session, Settings, Subscriber, Wait,
-    clock, memory, signal, watchdog_period,
+    Clock, Error, Gauge, Latency, Publisher, Result, Session, Settings, Subscriber, clock, memory,
+    signal,
 };
+use ports::{Ports, Promise};
+use rhythm::Rhythm;
+use telling::Telling;
 
 /// However long nothing happens, every wait ends: a lost wake-up costs no more than this.
 const WAIT_MAX: Duration = Duration::from_millis(50);
@@ -32,9 +36,6 @@ const STATUS_PERIOD: Duration = Duration::from_millis(100);
 
 /// How long a node may finish what it has begun before it is deactivated all the same.
 const HOLD_MAX: Duration = Duration::from_secs(1);
-
-/// Shorter than this a time-out of the transport is none: it counts whole milliseconds.
-const TIMEOUT_MIN: Duration = Duration::from_millis(1);
 
 /// One turn of a node's loop.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -52,83 +53,23 @@ pub struct Tick {
 pub struct Node<'a> {
     settings: &'a Settings,
     session: &'a Session,
-    waiter: Waiter<'a>,
+    waiter: &'a Waiter<'a>,
     requests: Subscriber<ChangeState>,
     events: Publisher<TransitionEvent>,
     status: Publisher<NodeStatus>,
     status_due: Stamp,
     greeting_due: Stamp,
     report: Box<NodeStatus>,
-    ports: Vec<Counted>,
-    faulty: Vec<Faulty>,
+    ports: Ports,
     figures: Figures,
     state: State,
     pending: Option<(Transition, Stamp)>,
     activated: bool,
     held: bool,
     last_turn: bool,
-    period: Option<Duration>,
-    due: Stamp,
-    overruns: Gauge,
-    lateness: Option<Latency>,
-    alarm: Option<Stamp>,
-    notifier: Notifier,
-    ping_period: Option<Duration>,
-    ping_due: Stamp,
-    told: Told,
+    rhythm: Rhythm,
+    telling: Telling,
     supervisor: Option<Pid>,
-}
-
-/// What whoever started this node has been told about it, beside its states.
-#[derive(Debug, Default)]
-struct Told {
-    ready: bool,
-    flows: bool,
-}
-
-/// A port whose counters and queue the node looks after.
-struct Counted {
-    port: Rc<dyn Port>,
-    /// Whether nobody may wait for it to carry something.
-    on_event: bool,
-}
-
-impl Counted {
-    fn new(port: Rc<dyn Port>) -> Self {
-        Self { port, on_event: false }
-    }
-
-    fn on_event(port: Rc<dyn Port>) -> Self {
-        Self { port, on_event: true }
-    }
-
-    fn status(&self) -> PortStatus {
-        PortStatus { on_event: self.on_event.into(), ..self.port.status() }
-    }
-
-    fn has_flowed(&self) -> bool {
-        self.on_event || self.port.has_flowed()
-    }
-}
-
-impl std::fmt::Debug for Counted {
-    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        formatter.write_str(self.port.status().topic.as_str())
-    }
-}
-
-/// A port on whose topic something goes wrong on purpose, and what it says of that.
-struct Faulty {
-    topic: &'static str,
-    faults: Faults,
-    port: Rc<dyn Port>,
-    gauges: Vec<(Gauge, &'static Figure)>,
-}
-
-impl std::fmt::Debug for Faulty {
-    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        formatter.write_str(self.topic)
-    }
 }
 
 /// Runs `body` as a managed node until it is shut down. `body` opens its ports and then loops over
@@ -139,25 +80,12 @@ pub fn run_with(settings: &Settings, body: impl FnMut(&mut Node<'_>) -> Result) 
     let _share = if settings.autostart() { namespace.share()? } else { None };
     let session =
         Session::join(&namespace, settings.name(), settings.epoch())?.with_clock(settings.clock());
-    let failed = |cause: String| Error::shared_memory("open the wake-up channel", cause);
-    let listener = session
-        .wake_service(settings.name())?
-        .listener_builder()
-        .create()
-        .map_err(|cause| failed(format!("{cause:?}")))?;
-    let waitset = WaitSetBuilder::new()
-        .signal_handling_mode(SignalHandlingMode::Disabled)
-        .create::<ipc::Service>()
-        .map_err(|cause| failed(format!("{cause:?}")))?;
-    // Attached once: attaching anew for each wait would cost ten system calls a message.
-    let _attached =
-        waitset.attach_notification(&listener).map_err(|cause| failed(format!("{cause:?}")))?;
-    let waiter = Waiter { mode: settings.wait(), listener: &listener, waitset: &waitset };
-    Node::new(settings, &session, waiter)?.serve(body)
+    session
+        .with_waiter(settings.wait(), |waiter| Node::new(settings, &session, waiter)?.serve(body))
 }
 
 impl<'a> Node<'a> {
-    fn new(settings: &'a Settings, session: &'a Session, waiter: Waiter<'a>) -> Result<Self> {
+    fn new(settings: &'a Settings, session: &'a Session, waiter: &'a Waiter<'a>) -> Result<Self> {
         let mut report = Box::<NodeStatus>::default();
         report.process = std::process::id();
         Ok(Self {
@@ -170,24 +98,15 @@ impl<'a> Node<'a> {
             status_due: Stamp::ZERO,
             greeting_due: Stamp::ZERO,
             report,
-            ports: Vec::new(),
-            faulty: Vec::new(),
+            ports: Ports::default(),
             figures: Figures::default(),
             state: State::Unknown,
             pending: None,
             activated: false,
             held: false,
             last_turn: false,
-            period: None,
-            due: Stamp::ZERO,
-            overruns: Gauge::default(),
-            lateness: None,
-            alarm: None,
-            notifier: settings.notifier(),
-            // The watchdog of a node in its supervisor's process is the supervisor's.
-            ping_period: watchdog_period().filter(|_| settings.heeds_signals()),
-            ping_due: Stamp::ZERO,
-            told: Told::default(),
+            rhythm: Rhythm::default(),
+            telling: Telling::new(settings),
             supervisor: arguments::supervisor(),
         })
     }
@@ -215,20 +134,20 @@ impl<'a> Node<'a> {
     /// Becomes the one publisher of `topic`, and promises a steady flow: the robot is ready only when
     /// something has come, and a silence of a second is a fault.
     pub fn publish<T: Message>(&mut self, topic: &Topic<T>) -> Result<Publisher<T>> {
-        self.publisher(topic, Counted::new)
+        self.publisher(topic, Promise::Flow)
     }
 
     /// Becomes the one publisher of `topic`, but promises nothing: for what is sent only when
     /// something happens, such as an alarm, or once, such as a map. Nobody waits for it, neither for
     /// the robot to be ready nor later.
     pub fn publish_on_event<T: Message>(&mut self, topic: &Topic<T>) -> Result<Publisher<T>> {
-        self.publisher(topic, Counted::on_event)
+        self.publisher(topic, Promise::Nothing)
     }
 
     fn publisher<T: Message>(
         &mut self,
         topic: &Topic<T>,
-        counted: fn(Rc<dyn Port>) -> Counted,
+        promise: Promise,
     ) -> Result<Publisher<T>> {
         let mut publisher = self.session.publisher(topic)?;
         let faults = self.settings.faults(|_, _| {})?;
@@ -240,17 +159,16 @@ impl<'a> Node<'a> {
             let stream = xxh3_64_with_seed(topic.name.as_bytes(), life);
             let link = FaultyLink::new(faults, self.settings.launch().seed, stream);
             publisher = publisher.with_faults(link);
-            let (port, faults) = (publisher.port(), *faults);
-            self.faulty.push(Faulty { topic: topic.name, faults, port, gauges: Vec::new() });
+            self.ports.add_faulty(topic.name, *faults, publisher.port());
         }
-        self.ports.push(counted(publisher.port()));
+        self.ports.add(publisher.port(), promise);
         Ok(publisher)
     }
 
     /// Reads `topic`; every sample wakes this node.
     pub fn subscribe<T: Message + 'static>(&mut self, topic: &Topic<T>) -> Result<Subscriber<T>> {
         let subscriber = self.session.subscriber(topic)?;
-        self.ports.push(Counted::new(subscriber.port()));
+        self.ports.add(subscriber.port(), Promise::Flow);
         Ok(subscriber)
     }
 
@@ -261,7 +179,7 @@ impl<'a> Node<'a> {
         topic: &Topic<T>,
     ) -> Result<Subscriber<T>> {
         let subscriber = self.session.quiet_subscriber(topic)?;
-        self.ports.push(Counted::new(subscriber.port()));
+        self.ports.add(subscriber.port(), Promise::Flow);
         Ok(subscriber)
     }
 
@@ -269,9 +187,7 @@ impl<'a> Node<'a> {
     /// turn that comes late does not move the next; one that misses its successor is counted. How
     /// late turns come is told as `late`.
     pub fn set_period(&mut self, period: Duration) {
-        self.period = Some(period);
-        self.overruns = self.gauge("overruns");
-        self.lateness = Some(self.latency("late"));
+        self.rhythm.set_period(period, &mut self.figures);
     }
 
     /// A figure of this node's status, with its unit at the end of `key` (`distance_m`).
@@ -287,24 +203,24 @@ impl<'a> Node<'a> {
 
     /// The next turn comes at `moment`, unless something brings it before.
     pub fn wake_by(&mut self, moment: Option<Stamp>) {
-        self.alarm = moment;
+        self.rhythm.set_alarm(moment);
     }
 
     /// Says in one line what the node is doing.
     pub fn say(&mut self, text: &str) {
         self.report.text = Text::new(text);
-        self.notifier.status(text);
+        self.telling.status(text);
     }
 
     /// Asks for so much more time, from now, for what the node is doing: for a start that takes
     /// longer than the launch file says.
     pub fn extend_timeout(&self, more: Duration) {
-        self.notifier.extend_timeout(more);
+        self.telling.extend_timeout(more);
     }
 
     /// Wakes whoever started this node: there is something on a topic that it reads.
     pub(crate) fn hint(&self, name: &str) {
-        self.notifier.hint(name, "1");
+        self.telling.hint(name);
     }
 
     /// Says that there is nothing left to do: the run may end, well or ill, because of `why`.
@@ -347,8 +263,8 @@ impl<'a> Node<'a> {
         let mut waited = false;
         loop {
             let now = clock::now();
-            self.ping(now);
-            self.flush(now)?;
+            self.telling.ping(now);
+            self.ports.flush(now)?;
             self.tell_flow(now)?;
             self.take_request(now)?;
             if let Some((transition, since)) = self.pending
@@ -366,7 +282,8 @@ impl<'a> Node<'a> {
                 }
                 continue;
             }
-            if self.state == State::Active && (waited || self.activated || self.is_due(now)) {
+            if self.state == State::Active && (waited || self.activated || self.rhythm.is_due(now))
+            {
                 return self.turn(now).map(Some);
             }
             self.greet(now)?;
@@ -377,50 +294,21 @@ impl<'a> Node<'a> {
 
     /// All topics that can have faults are known now: refuses those that nobody publishes here.
     fn prepare_faults(&mut self) -> Result {
-        let published: Vec<_> = self.faulty.iter().map(|faulty| faulty.topic).collect();
-        let ports = self.ports.iter().map(|port| port.port.status());
-        let ports = ports.filter(|port| port.publishes == 1);
-        let topics: Vec<_> = ports.map(|port| port.topic.to_string()).collect();
+        let (faulty, published) = (self.ports.faulty_topics(), self.ports.published_topics());
         self.settings.faults(|faults, report| {
-            for topic in faults.keys().filter(|topic| !published.contains(&topic.as_str())) {
+            for topic in faults.keys().filter(|topic| !faulty.contains(&topic.as_str())) {
                 let message = format!("is no topic that `{}` publishes", self.settings.name());
-                report.refuse(topic, message, config::suggestion(topic, &topics));
+                report.refuse(topic, message, config::suggestion(topic, &published));
             }
         })?;
-        for Faulty { topic, faults, gauges, .. } in &mut self.faulty {
-            for figure in faults.figures() {
-                let key = format!("faults_{topic}_{}", figure.name);
-                if let Some(gauge) = self.figures.gauge_if_fits(&key) {
-                    gauges.push((gauge, figure));
-                } else {
-                    tracing::warn!(key, "no room in the status");
-                }
-            }
-        }
+        self.ports.prepare_figures(&mut self.figures);
         Ok(())
-    }
-
-    /// Sends what faults have made late.
-    fn flush(&self, now: Stamp) -> Result {
-        self.faulty.iter().try_for_each(|faulty| faulty.port.flush(now))
-    }
-
-    /// Tells whoever started this node that its loop turns: from here, and from no other thread.
-    fn ping(&mut self, now: Stamp) {
-        if let Some(period) = self.ping_period
-            && self.ping_due <= now
-        {
-            self.ping_due = now.after(period);
-            self.notifier.watchdog();
-        }
     }
 
     fn turn(&mut self, now: Stamp) -> Result<Tick> {
         let activated = std::mem::take(&mut self.activated);
-        let due = self.is_due(now);
-        if due && let Some(period) = self.period {
-            self.schedule(now, period);
-        }
+        let due = self.rhythm.is_due(now);
+        self.rhythm.advance(now);
         if self.status_due <= now {
             self.send_status(now)?;
         }
@@ -430,42 +318,21 @@ impl<'a> Node<'a> {
     /// Says once that all topics have carried something, as soon as they have.
     fn tell_flow(&mut self, now: Stamp) -> Result {
         let is_active = self.state == State::Active && !self.activated;
-        if is_active && !self.told.flows && self.ports.iter().all(Counted::has_flowed) {
-            self.told.flows = true;
+        if is_active && self.telling.awaits_flow() && self.ports.have_flowed() {
             self.send_status(now)?;
-            self.notifier.hint("FLOWS", "1");
+            self.telling.flow();
         }
         Ok(())
     }
 
-    fn is_due(&self, now: Stamp) -> bool {
-        self.period.is_some() && self.due <= now
-    }
-
-    fn schedule(&mut self, now: Stamp, period: Duration) {
-        if let Some(lateness) = &self.lateness {
-            lateness.record(now.since(self.due));
-        }
-        self.due = self.due.after(period);
-        if self.due <= now {
-            self.overruns.count();
-            self.due = now.after(period);
-        }
-    }
-
-    fn wait(&self, now: Stamp) -> Result<()> {
+    fn wait(&self, now: Stamp) -> Result {
+        let at_latest = now.after(WAIT_MAX);
         if self.state != State::Active {
-            return Waiter { mode: Wait::Block, ..self.waiter }.wait(WAIT_MAX);
+            return self.waiter.block(at_latest);
         }
-        let late = self.faulty.iter().filter_map(|faulty| faulty.port.due()).min();
-        let moments = [self.period.map(|_| self.due), self.alarm, late, Some(now.after(WAIT_MAX))];
-        let until_due = moments.into_iter().flatten().min().map_or(WAIT_MAX, |due| due.since(now));
-        if self.waiter.mode == Wait::Block && until_due < TIMEOUT_MIN {
-            clock::nap(until_due);
-            return Ok(());
-        }
-        // Whole milliseconds, rounded down: the rest is napped away just before the period ends.
-        self.waiter.wait(Duration::from_millis(u64::try_from(until_due.as_millis()).unwrap_or(0)))
+        let moments = [self.rhythm.next(), self.ports.due(), Some(at_latest)];
+        let until = moments.into_iter().flatten().min().unwrap_or(at_latest);
+        self.waiter.wait(until, || Ok(self.ports.has_samples()? || self.requests.has_samples()?))
     }
 
     /// Tells those who have come late what they have missed, now and then.
@@ -487,7 +354,6 @@ impl<'a> Node<'a> {
                 return self.fail(error);
             }
             self.ports.clear();
-            self.faulty.clear();
             self.figures.clear();
             if self.state != State::CleaningUp {
                 break;
@@ -504,7 +370,7 @@ impl<'a> Node<'a> {
     fn await_configure(&mut self) -> Result<bool> {
         loop {
             let now = clock::now();
-            self.ping(now);
+            self.telling.ping(now);
             self.take_request(now)?;
             match self.pending.take() {
                 Some((Transition::Configure, _)) => return Ok(true),
@@ -535,7 +401,7 @@ impl<'a> Node<'a> {
             self.deactivate()?;
         }
         // What came while others were still at work is counted, as unread.
-        self.drain()?;
+        self.ports.drain()?;
         match transition {
             Transition::Activate => self.activate()?,
             Transition::Deactivate => self.deactivate()?,
@@ -551,20 +417,16 @@ impl<'a> Node<'a> {
     fn activate(&mut self) -> Result {
         self.change(State::Activating, "")?;
         // What came while the node's code was not running is not for it.
-        self.drain()?;
+        self.ports.drain()?;
         self.activated = true;
-        self.due = clock::now();
+        self.rhythm.start(clock::now());
         self.change(State::Active, "")
     }
 
     fn deactivate(&mut self) -> Result {
         self.change(State::Deactivating, "")?;
-        self.drain()?;
+        self.ports.drain()?;
         self.change(State::Inactive, "")
-    }
-
-    fn drain(&self) -> Result {
-        self.ports.iter().try_for_each(|counted| counted.port.drain())
     }
 
     /// Notes the next request that fits the node's state; a signal is a request to end.
@@ -612,14 +474,7 @@ impl<'a> Node<'a> {
         // The counters first: whoever sees the new state finds them.
         self.send_status(clock::now())?;
         self.announce(start, reason)?;
-        self.notifier.hint("LIFECYCLE", goal.label());
-        match goal {
-            State::Active if !std::mem::replace(&mut self.told.ready, true) => {
-                self.notifier.ready();
-            }
-            State::ShuttingDown => self.notifier.stopping(),
-            _ => {}
-        }
+        self.telling.state(goal);
         Ok(())
     }
 
@@ -635,21 +490,12 @@ impl<'a> Node<'a> {
 
     fn send_status(&mut self, now: Stamp) -> Result {
         self.status_due = now.after(STATUS_PERIOD);
-        for faulty in &self.faulty {
-            let counts = faulty.port.faults();
-            for (gauge, figure) in &faulty.gauges {
-                gauge.set((figure.count)(&counts) as f64);
-            }
-        }
+        self.ports.update_figures();
         let report = &mut *self.report;
         report.header.stamp = now;
         report.state = self.state as u8;
         if self.state != State::Unconfigured && self.state != State::Finalized {
-            let ports = self.ports.iter().take(PORTS_MAX);
-            report.port_count = u32::try_from(ports.len()).unwrap_or_default();
-            for (slot, port) in report.port.iter_mut().zip(ports) {
-                *slot = port.status();
-            }
+            report.port_count = self.ports.write(&mut report.port);
             report.value_count = self.figures.write(&mut report.value);
         }
         self.status.send_with(|status| *status = *report)

@@ -13,7 +13,7 @@ use xxhash_rust::xxh3::Xxh3;
 use crate::arrivals::{Arrival, Arrivals};
 use crate::faults::{FaultCounts, FaultyLink};
 use crate::session::Service;
-use crate::wake::Wakers;
+use crate::wake::{Waker, Wakers};
 use crate::{Error, Result, clock};
 
 /// What a node asks of its own ports.
@@ -27,6 +27,11 @@ pub(crate) trait Port {
 
     /// Whether a topic that it publishes has carried something.
     fn has_flowed(&self) -> bool;
+
+    /// Whether something is queued that the node is to be woken for.
+    fn has_samples(&self) -> Result<bool> {
+        Ok(false)
+    }
 
     /// Sends what is due by now; only a port with faults has anything to send late.
     fn flush(&self, _now: Stamp) -> Result<()> {
@@ -62,11 +67,11 @@ struct Sent<T: Message> {
     faults: Option<RefCell<FaultyLink<T>>>,
 }
 
-/// The readers of a topic, by name.
+/// The readers of a topic.
 #[derive(Default)]
 struct Readers {
     count: usize,
-    names: Vec<String>,
+    wakers: Vec<Waker>,
 }
 
 impl<T: Message> Publisher<T> {
@@ -177,12 +182,10 @@ impl<T: Message> Sent<T> {
 
     fn wake_readers(&self) {
         let mut readers = self.readers.borrow_mut();
-        let Readers { count, names } = &mut *readers;
         // A reader that restarts under its old name keeps its channel, so counting is enough.
-        let now = self.count_readers();
-        if now != *count {
-            *count = now;
-            names.clear();
+        let count = self.count_readers();
+        if count != readers.count {
+            let mut names = Vec::new();
             self.service.dynamic_config().list_subscribers(|reader| {
                 if !reader.subscriber_name.is_empty() {
                     names.push(reader.subscriber_name.to_string());
@@ -191,10 +194,9 @@ impl<T: Message> Sent<T> {
             });
             names.sort();
             names.dedup();
+            *readers = Readers { count, wakers: names.into_iter().map(Waker::new).collect() };
         }
-        for reader in names {
-            self.wakers.wake(reader);
-        }
+        readers.wakers.iter_mut().for_each(|reader| self.wakers.wake(reader));
     }
 
     fn failed(&self, action: &str, cause: impl fmt::Debug) -> Error {
@@ -255,6 +257,7 @@ struct Received<T: Message> {
     service: Service<T>,
     epoch: Cell<u32>,
     arrivals: Cell<Arrivals>,
+    wakes: bool,
     samples: Cell<u64>,
     lost: Cell<u64>,
     unread: Cell<u64>,
@@ -267,6 +270,7 @@ impl<T: Message> Subscriber<T> {
         loss: Loss,
         service: Service<T>,
         port: iceoryx2::port::subscriber::Subscriber<ipc::Service, T, ()>,
+        wakes: bool,
     ) -> Self {
         let state = Received {
             topic,
@@ -275,6 +279,7 @@ impl<T: Message> Subscriber<T> {
             service,
             epoch: Cell::new(0),
             arrivals: Cell::default(),
+            wakes,
             samples: Cell::new(0),
             lost: Cell::new(0),
             unread: Cell::new(0),
@@ -300,6 +305,11 @@ impl<T: Message> Subscriber<T> {
     /// Whether somebody publishes the topic. One who was killed counts until others clear it away.
     pub fn has_publisher(&self) -> bool {
         0 < self.state.service.dynamic_config().number_of_publishers()
+    }
+
+    /// Whether something is queued.
+    pub fn has_samples(&self) -> Result<bool> {
+        self.state.has_samples()
     }
 
     pub(crate) fn port(&self) -> Rc<dyn Port>
@@ -368,6 +378,12 @@ impl<T: Message> Port for Received<T> {
 
     fn has_flowed(&self) -> bool {
         true
+    }
+
+    fn has_samples(&self) -> Result<bool> {
+        let looked = if self.wakes { self.port.has_samples() } else { Ok(false) };
+        looked
+            .map_err(|cause| Error::shared_memory(format!("look at topic '{}'", self.topic), cause))
     }
 
     fn drain(&self) -> Result<()> {

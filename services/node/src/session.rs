@@ -153,7 +153,7 @@ impl Session {
             .history_request(history)
             .create()
             .map_err(|cause| Error::shared_memory(format!("read topic '{name}'"), cause))?;
-        Ok(Subscriber::new(name, topic.loss, service, port))
+        Ok(Subscriber::new(name, topic.loss, service, port, !wakes.is_empty()))
     }
 
     /// Opens `topic` without a port and holds it open: for the one process that outlives the rest.
