@@ -25,6 +25,8 @@ mod hogs;
 #[cfg(test)]
 mod house_rules;
 #[cfg(test)]
+mod instructions;
+#[cfg(test)]
 mod kill_points;
 #[cfg(test)]
 mod lifecycle;

@@ -186,6 +186,12 @@ impl Robot {
         self.directory.join("r")
     }
 
+    /// What a process of this binary finds in its environment where it is to run the body of
+    /// [`alone`], for this robot.
+    pub(crate) fn inside(&self) -> [(&'static str, PathBuf); 2] {
+        [("TESEO_RUNTIME_DIR", self.runtime()), (ALONE, self.directory.clone())]
+    }
+
     /// Where its shared memory lies, for one that joins it; see [`alone`].
     pub(crate) fn namespace(&self) -> Namespace {
         let namespace = Namespace::new("burger").unwrap();
@@ -579,8 +585,7 @@ pub(crate) fn alone_with(
     // This same binary, which comes here again.
     let child = Command::new(std::env::current_exe().unwrap())
         .args([test, "--exact", "--nocapture"])
-        .env("TESEO_RUNTIME_DIR", robot.runtime())
-        .env(ALONE, &robot.directory)
+        .envs(robot.inside())
         .envs(environment.iter().map(|(key, value)| (key, value)))
         .output()
         .unwrap();
@@ -612,12 +617,14 @@ fn segments(prefix: &str) -> Vec<String> {
 
 /// False where `timeout` passed before `is_done` held.
 pub(crate) fn wait_until(timeout: Duration, mut is_done: impl FnMut() -> bool) -> bool {
-    let begun = clock::now();
+    // The clock is read only where there is something to wait for: under valgrind it cannot be.
+    let mut begun = None;
     loop {
         if is_done() {
             return true;
         }
-        if timeout < clock::now().since(begun) {
+        let now = clock::now();
+        if timeout < now.since(*begun.get_or_insert(now)) {
             return false;
         }
         clock::nap(POLL);
