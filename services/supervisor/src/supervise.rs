@@ -86,6 +86,10 @@ pub(crate) struct Supervisor<'a> {
     pub(crate) started: Stamp,
     /// When it last took in what was said.
     heard: Stamp,
+    /// When it looks everywhere, whatever wakes it before.
+    look_due: Stamp,
+    /// Whether nothing but a message on the notify socket has woken it.
+    is_only_notified: bool,
     pub(crate) ready_after: Option<Duration>,
     launcher: Launcher,
     /// What has happened, and the machine has not been told yet.
@@ -132,6 +136,8 @@ impl<'a> Supervisor<'a> {
             guardian: guardian::pid(),
             started: now,
             heard: now,
+            look_due: now,
+            is_only_notified: false,
             ready_after: None,
             launcher,
             events: VecDeque::new(),
@@ -180,10 +186,17 @@ impl<'a> Supervisor<'a> {
     /// Takes in what nodes, people and the kernel have said.
     fn hear(&mut self) -> Result {
         let now = clock::now();
+        let mut are_only_pings = self.is_only_notified && self.postponed.is_empty();
         while let Some(datagram) = self.notify.receive() {
+            are_only_pings &= datagram.words.iter().all(|word| *word == Word::Watchdog);
             self.hear_datagram(&datagram);
         }
         self.be_fair(now);
+        if are_only_pings && now < self.look_due {
+            // That a loop turns is no reason to look at all else: most of what wakes us is this.
+            return Ok(());
+        }
+        self.look_due = now.after(POLL);
         for node in 0..self.members.len() {
             while let Some(news) = self.members[node].hear(now)? {
                 if matches!(news, News::Exited(_)) {
@@ -418,9 +431,10 @@ impl<'a> Supervisor<'a> {
     /// Until something happens, or something is due.
     fn wait(&mut self) {
         let now = clock::now();
-        let poll = if self.postponed.is_empty() { POLL } else { POLL_POSTPONED };
+        let postponed = self.postponed.first().map(|_| now.after(POLL_POSTPONED));
         let deadlines = [
-            Some(now.after(poll)),
+            Some(self.look_due),
+            postponed,
             self.machine.next_deadline(),
             self.desk.next_deadline(),
             Some(self.systemd_due),
@@ -428,12 +442,14 @@ impl<'a> Supervisor<'a> {
         let due = deadlines.into_iter().flatten().min().unwrap_or(now);
         let timeout = Timespec::try_from(due.since(now)).unwrap_or_default();
         let pidfds = self.members.iter().filter_map(Member::pidfd);
-        let mut fds: Vec<_> = pidfds.map(|fd| PollFd::new(fd, PollFlags::IN)).collect();
-        fds.push(PollFd::from_borrowed_fd(self.notify.fd(), PollFlags::IN));
+        // The notify socket first.
+        let mut fds = vec![PollFd::from_borrowed_fd(self.notify.fd(), PollFlags::IN)];
+        fds.extend(pidfds.map(|fd| PollFd::new(fd, PollFlags::IN)));
         fds.extend(signal::wake().map(|wake| PollFd::new(wake, PollFlags::IN)));
         fds.extend(self.desk.fds());
-        // However it ends, the caller looks everywhere.
-        let _ = rustix::event::poll(&mut fds, Some(&timeout));
+        // Where it ends otherwise, the caller looks everywhere.
+        let polled = rustix::event::poll(&mut fds, Some(&timeout));
+        self.is_only_notified = polled == Ok(1) && fds[0].revents().contains(PollFlags::IN);
         signal::sleep_again();
     }
 
