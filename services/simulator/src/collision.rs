@@ -192,7 +192,7 @@ mod tests {
     const SEED: u64 = 3;
 
     fn wall(a: [f64; 2], b: [f64; 2]) -> Wall {
-        Wall { a: a.into(), b: b.into() }
+        Wall { a: a.into(), b: b.into(), is_solid: false }
     }
 
     fn arc(x: f64, y: f64, yaw: f64, distance: f64, turn: f64) -> Arc {

@@ -7,17 +7,21 @@ use parry2d_f64::partitioning::{Bvh, BvhBuildStrategy};
 use parry2d_f64::query::{PointQuery, Ray};
 use parry2d_f64::shape::{Polyline, Segment};
 
+use crate::grid::Grid;
+
 /// [m] So much wider than the walls are the boxes by which parry finds them, so that rounding cannot
 /// make it overlook one.
 const LOOSENED: f64 = 1e-6;
 
 /// A straight wall without thickness.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct Wall {
     /// [m] Where it begins.
     pub(crate) a: Point2<f64>,
     /// [m] Where it ends.
     pub(crate) b: Point2<f64>,
+    /// Whether what is to the left of `a` to `b` is solid, so that nobody sees the wall from there.
+    pub(crate) is_solid: bool,
 }
 
 impl Wall {
@@ -47,6 +51,7 @@ impl Wall {
 /// All walls of a world.
 pub(crate) struct Walls {
     each: Vec<Wall>,
+    grid: Grid,
     polyline: Polyline,
     tree: Bvh,
 }
@@ -60,11 +65,17 @@ impl Walls {
             .iter()
             .map(|wall| Segment::new(wall.a.into(), wall.b.into()).local_aabb().loosened(LOOSENED));
         let tree = Bvh::from_iter(BvhBuildStrategy::Binned, boxes.enumerate());
-        Self { polyline: Polyline::new(vertices, Some(indices)), tree, each }
+        let grid = Grid::new(&each);
+        Self { polyline: Polyline::new(vertices, Some(indices)), tree, grid, each }
     }
 
     pub(crate) fn iter(&self) -> impl Iterator<Item = &Wall> {
         self.each.iter()
+    }
+
+    /// The walls as the LiDAR wants them.
+    pub(crate) fn grid(&self) -> &Grid {
+        &self.grid
     }
 
     /// [m] From `point` to the nearest wall.
@@ -100,7 +111,7 @@ mod tests {
                 let angle = (index % corners) as f64 * std::f64::consts::TAU / corners as f64;
                 Point2::new(0.3 + 2.0 * libm::cos(angle), 0.7 + 2.0 * libm::sin(angle))
             };
-            let wall = |index| Wall { a: corner(index), b: corner(index + 1) };
+            let wall = |index| Wall { a: corner(index), b: corner(index + 1), is_solid: false };
             let walls = Walls::new((0..corners).map(wall).collect());
             for place in 0..100 {
                 let angle = f64::from(place);
@@ -118,7 +129,7 @@ mod tests {
 
     #[test]
     fn a_ray_meets_a_wall_ahead_of_it_only() {
-        let wall = Wall { a: Point2::new(1.0, -1.0), b: Point2::new(1.0, 1.0) };
+        let wall = Wall { a: Point2::new(1.0, -1.0), b: Point2::new(1.0, 1.0), is_solid: false };
         let walls = Walls::new(vec![wall]);
         // Origin, direction, reach, what it meets.
         let table = [

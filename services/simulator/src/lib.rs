@@ -11,10 +11,13 @@ mod config;
 mod drive;
 mod estimate;
 mod geometry;
+mod grid;
 mod lidar;
 mod noise;
 mod progress;
+mod raster;
 mod run;
+mod scanner;
 mod world;
 
 use interfaces::{JointState, LaserScan, Pose, Stamp};
@@ -26,6 +29,7 @@ pub use estimate::PoseError;
 pub use noise::Noise;
 pub use progress::Progress;
 pub use run::{check, run};
+pub use scanner::{Scanner, maze};
 pub use world::{Block, Segment, Start, World, WorldError};
 
 use arc::Arc;

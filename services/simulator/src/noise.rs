@@ -38,6 +38,11 @@ impl RangeNoise {
         Self { noise, bias, random }
     }
 
+    /// Whether every measurement is the range itself.
+    pub(crate) fn is_ideal(&self) -> bool {
+        self.noise == Noise::Ideal
+    }
+
     /// [m] What is measured where the wall is `range` away: NaN where the measurement fails.
     ///
     /// Infinity, no wall, draws as much as a wall does, so that a scan's noise does not depend on

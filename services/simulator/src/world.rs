@@ -169,10 +169,14 @@ impl Block {
         let (x, y) = (0.5 * self.size_x_m, 0.5 * self.size_y_m);
         let corner = |x, y| self.world_from_block() * Point2::new(x, y);
         let corners = [corner(-x, -y), corner(x, -y), corner(x, y), corner(-x, y)];
-        std::array::from_fn(|index| Wall { a: corners[index], b: corners[(index + 1) % 4] })
+        std::array::from_fn(|index| Wall {
+            a: corners[index],
+            b: corners[(index + 1) % 4],
+            is_solid: true,
+        })
     }
 
-    fn contains(&self, position: Point2<f64>) -> bool {
+    pub(crate) fn contains(&self, position: Point2<f64>) -> bool {
         let inside = self.world_from_block().inverse_transform_point(&position);
         inside.x.abs() <= 0.5 * self.size_x_m && inside.y.abs() <= 0.5 * self.size_y_m
     }
@@ -185,12 +189,16 @@ impl Segment {
         finite(item, "y1_m", self.y1_m)?;
         finite(item, "x2_m", self.x2_m)?;
         finite(item, "y2_m", self.y2_m)?;
-        let Wall { a, b } = self.wall();
+        let Wall { a, b, .. } = self.wall();
         if a == b { Err(WorldError::NoLength { item: item() }) } else { Ok(()) }
     }
 
     fn wall(&self) -> Wall {
-        Wall { a: Point2::new(self.x1_m, self.y1_m), b: Point2::new(self.x2_m, self.y2_m) }
+        Wall {
+            a: Point2::new(self.x1_m, self.y1_m),
+            b: Point2::new(self.x2_m, self.y2_m),
+            is_solid: false,
+        }
     }
 }
 
