@@ -23,6 +23,7 @@ const STOPS: usize = 10;
 /// The robot's edge against the walls, over a run.
 pub(crate) struct Contact {
     radius: f64,
+    position: Point2<f64>,
     clearance: f64,
     clearance_min: f64,
     collisions: u64,
@@ -31,8 +32,16 @@ pub(crate) struct Contact {
 
 impl Contact {
     pub(crate) fn new(radius: f64, walls: &Walls, world_from_base: &Isometry2<f64>) -> Self {
-        let clearance = walls.distance(world_from_base.translation.vector.into()) - radius;
-        Self { radius, clearance, clearance_min: clearance, collisions: 0, touching: false }
+        let position = world_from_base.translation.vector.into();
+        let clearance = walls.distance(position) - radius;
+        Self {
+            radius,
+            position,
+            clearance,
+            clearance_min: clearance,
+            collisions: 0,
+            touching: false,
+        }
     }
 
     /// [-] The fraction of the arc that the robot gets; less than 1 is a contact.
@@ -43,7 +52,7 @@ impl Contact {
         }
         let path = Path::new(arc);
         let contact = walls
-            .iter()
+            .near(path.start, self.radius + path.length + TOUCH)
             .filter_map(|wall| path.first_contact(wall, self.radius))
             .min_by(f64::total_cmp);
         if contact.is_some() && !self.touching {
@@ -55,7 +64,11 @@ impl Contact {
 
     /// Takes note of where the robot has come to.
     pub(crate) fn arrive(&mut self, walls: &Walls, world_from_base: &Isometry2<f64>) {
-        self.clearance = walls.distance(world_from_base.translation.vector.into()) - self.radius;
+        let position = Point2::from(world_from_base.translation.vector);
+        // No wall comes nearer by more than the robot has moved.
+        let bound = self.clearance + self.radius + (position - self.position).norm() + TOUCH;
+        self.clearance = walls.distance_within(position, bound) - self.radius;
+        self.position = position;
         self.clearance_min = self.clearance_min.min(self.clearance);
         if self.clearance > RELEASE {
             self.touching = false;

@@ -1,11 +1,11 @@
 //! Walls, and what parry knows about them. No other module names parry's types.
 
 use nalgebra::{Point2, Vector2};
-use parry2d_f64::bounding_volume::BoundingVolume;
+use parry2d_f64::bounding_volume::{Aabb, BoundingVolume};
 use parry2d_f64::math::Vector;
 use parry2d_f64::partitioning::{Bvh, BvhBuildStrategy};
-use parry2d_f64::query::{PointQuery, Ray};
-use parry2d_f64::shape::{Polyline, Segment};
+use parry2d_f64::query::Ray;
+use parry2d_f64::shape::Segment;
 
 use crate::grid::Grid;
 
@@ -52,25 +52,17 @@ impl Wall {
 pub(crate) struct Walls {
     each: Vec<Wall>,
     grid: Grid,
-    polyline: Polyline,
     tree: Bvh,
 }
 
 impl Walls {
     pub(crate) fn new(each: Vec<Wall>) -> Self {
-        let vertices = each.iter().flat_map(|wall| [wall.a.into(), wall.b.into()]).collect();
-        // Two vertices for each wall: neighbours need not share theirs.
-        let indices = (0..).step_by(2).map(|index| [index, index + 1]).take(each.len()).collect();
         let boxes = each
             .iter()
             .map(|wall| Segment::new(wall.a.into(), wall.b.into()).local_aabb().loosened(LOOSENED));
         let tree = Bvh::from_iter(BvhBuildStrategy::Binned, boxes.enumerate());
         let grid = Grid::new(&each);
-        Self { polyline: Polyline::new(vertices, Some(indices)), tree, grid, each }
-    }
-
-    pub(crate) fn iter(&self) -> impl Iterator<Item = &Wall> {
-        self.each.iter()
+        Self { tree, grid, each }
     }
 
     /// The walls as the LiDAR wants them.
@@ -78,9 +70,21 @@ impl Walls {
         &self.grid
     }
 
-    /// [m] From `point` to the nearest wall.
+    /// [m] From `point` to the nearest wall, which all of them are asked for.
     pub(crate) fn distance(&self, point: Point2<f64>) -> f64 {
-        self.polyline.distance_to_local_point(point.into(), true)
+        self.each.iter().map(|wall| wall.distance(point)).fold(f64::MAX, f64::min)
+    }
+
+    /// [m] The same, where it is known to be at most `bound`: only what is near is asked.
+    pub(crate) fn distance_within(&self, point: Point2<f64>, bound: f64) -> f64 {
+        self.near(point, bound).map(|wall| wall.distance(point)).fold(f64::MAX, f64::min)
+    }
+
+    /// The walls at most `distance` [m] from `point`, and some more.
+    pub(crate) fn near(&self, point: Point2<f64>, distance: f64) -> impl Iterator<Item = &Wall> {
+        let around = Aabb::from_half_extents(point.into(), Vector::splat(distance));
+        let leaves = self.tree.leaves(move |node| node.aabb().intersects(&around));
+        leaves.map(|leaf| &self.each[leaf as usize])
     }
 
     /// [m] How far a ray gets, if it meets a wall within `reach`.
@@ -123,6 +127,26 @@ mod tests {
                     let hits = found.is_some_and(|found| (found - range).abs() < 1e-9);
                     assert!(hits, "{corners} corners, {origin} to {target}: {found:?}");
                 }
+            }
+        }
+    }
+
+    // Breaks, as it should, where the boxes by which parry finds walls are narrower than the walls.
+    #[test]
+    fn no_wall_within_the_bound_is_overlooked() {
+        let corner = |index: usize| {
+            let angle = index as f64 * 2.4;
+            Point2::new(index as f64 * libm::cos(angle), index as f64 * libm::sin(angle)) / 20.0
+        };
+        let wall = |index| Wall { a: corner(index), b: corner(index + 7), is_solid: false };
+        let walls = Walls::new((0..200).map(wall).collect());
+        for place in 0..2000 {
+            let (sin, cos) = libm::sincos(f64::from(place));
+            let point = Point2::new(cos, sin) * f64::from(place) / 200.0;
+            let distance = walls.distance(point);
+            for more in [0.0, 1e-3, 1.0] {
+                let found = walls.distance_within(point, distance + more);
+                assert_eq!(found.to_bits(), distance.to_bits(), "{point}, {more} m more");
             }
         }
     }

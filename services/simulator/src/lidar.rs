@@ -96,6 +96,7 @@ mod tests {
     use serde::Deserialize;
 
     use super::*;
+    use crate::geometry::Wall;
     use crate::{LidarConfig, Noise, World};
 
     /// The robot in the middle of a square room, `half` from each wall, and what it measures.
@@ -154,7 +155,7 @@ mod tests {
     }
 
     /// [m] How far a ray gets, by the textbook.
-    fn cast(walls: &Walls, origin: Point2<f64>, angle: f64) -> f64 {
+    fn cast(walls: &[Wall], origin: Point2<f64>, angle: f64) -> f64 {
         let direction = Vector2::new(libm::cos(angle), libm::sin(angle));
         let ranges = walls.iter().filter_map(|wall| {
             let (along, offset) = (wall.b - wall.a, wall.a - origin);
@@ -169,7 +170,7 @@ mod tests {
     fn no_beam_slips_through_and_none_is_stopped_early() {
         let world: World =
             toml::from_str(include_str!("../../../config/worlds/lab02.toml")).unwrap();
-        let walls = Walls::new(world.walls());
+        let walls = world.walls();
         let centres: Vec<[f64; 2]> =
             world.starts.values().flat_map(|start| start.corridor_m.clone()).collect();
         // In the middle of the cells, where beams run right into corners, and beside it.
