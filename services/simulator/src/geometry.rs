@@ -62,7 +62,7 @@ impl Walls {
             .map(|wall| Segment::new(wall.a.into(), wall.b.into()).local_aabb().loosened(LOOSENED));
         let tree = Bvh::from_iter(BvhBuildStrategy::Binned, boxes.enumerate());
         let grid = Grid::new(&each);
-        Self { tree, grid, each }
+        Self { each, grid, tree }
     }
 
     /// The walls as the LiDAR wants them.
