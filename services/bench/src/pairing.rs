@@ -1,6 +1,5 @@
 //! What one sample costs the pairing.
 
-use std::fmt::Write;
 use std::hint::black_box;
 use std::time::Duration;
 
@@ -10,24 +9,39 @@ use node::pairing::{Bounds, Config, Entry, Pairing, Policy};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
+use crate::measured::Values;
+
 /// [-] Enough that reading the clock costs nothing in proportion.
 const SAMPLES: usize = 200_000;
 
 /// A scan each 50 ms and an odometry each 20 ms, with up to 5 ms of jitter.
 const PERIODS_NS: [u64; 2] = [50_000_000, 20_000_000];
 
-pub(crate) fn measure(rounds: u32, table: &mut String) {
-    let stream = stream();
-    let _ = writeln!(table, "\npairing, ns a sample, two topics           best   median");
-    for (name, policy) in [("nearest", Policy::Nearest), ("adaptive", Policy::ADAPTIVE)] {
-        for queue_size in [10, 100] {
-            let mut costs: Vec<_> =
-                (0..rounds).map(|_| cost(policy, queue_size, &stream)).collect();
-            costs.sort_by(f64::total_cmp);
-            let (best, median) = (costs[0], costs[costs.len() / 2]);
-            let _ =
-                writeln!(table, "  {name:<10} queue {queue_size:<22} {best:>7.1} {median:>8.1}");
-        }
+/// What is measured: the policy and how long a queue is.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Core {
+    policy: Policy,
+    queue_size: usize,
+}
+
+/// Everything that is measured.
+pub(crate) fn configurations() -> Vec<Core> {
+    let policies = [Policy::Nearest, Policy::ADAPTIVE];
+    let cores = policies.map(|policy| [10, 100].map(|queue_size| Core { policy, queue_size }));
+    cores.concat()
+}
+
+impl Core {
+    pub(crate) fn name(&self) -> String {
+        let policy = match self.policy {
+            Policy::Nearest => "nearest",
+            Policy::Adaptive { .. } => "adaptive",
+        };
+        format!("one sample into the pairing, {policy}, queue {}", self.queue_size)
+    }
+
+    pub(crate) fn measure(&self) -> Values {
+        Values::One(cost(self.policy, self.queue_size, &stream()))
     }
 }
 

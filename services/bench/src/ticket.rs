@@ -1,25 +1,26 @@
 //! A pair by ticket: one process sends a payload and an odometry sample, another pairs and finds
 //! both where they lie. The cost must not grow with the payload.
 
-use std::fmt::Write;
-use std::process::{Child, Command};
 use std::time::Duration;
 
 use bytemuck::{Pod, Zeroable};
-use clap::ValueEnum;
 use hdrhistogram::Histogram;
 use iceoryx2::prelude::ZeroCopySend;
-use interfaces::topics::ODOMETRY;
+use interfaces::topics::{ODOMETRY, SENSOR_PAIR};
 use interfaces::{Header, Message, Stamp, Topic};
 use node::pairing::{Bounds, Config, Entry, Pairing, Policy};
-use node::{Error, Namespace, Result, Session, clock, signal};
+use node::{Error, Namespace, Result, Session, clock};
+use serde::{Deserialize, Serialize};
 
-use rustix::process::Signal;
-
-use crate::Payload;
+use crate::Effort;
+use crate::measured::{Values, history};
+use crate::peers::{Part, Peers, Role, Task};
 
 /// [-] Pairs of one measurement.
-const PAIRS: usize = 2_000;
+const PAIRS: u64 = 500;
+
+/// [-] The same, for a quick look.
+const PAIRS_QUICK: u64 = 20;
 
 /// Between two pairs: the sender has time to fill the payload.
 const PERIOD: Duration = Duration::from_millis(1);
@@ -76,93 +77,134 @@ trait Bytes: Message {
     fn bytes_mut(&mut self) -> &mut [u8];
 }
 
-payload!(Small, "bench/Small/1", 1024);
-payload!(Large, "bench/Large/1", 1_048_576);
+payload!(Small, "bench/SmallPair/1", 1024);
+payload!(Medium, "bench/MediumPair/1", 65_536);
+payload!(Large, "bench/LargePair/1", 1_048_576);
 
 const SMALL: Topic<Small> = Topic::new("payload", 4, DEADLINE, "bench");
+const MEDIUM: Topic<Medium> = Topic::new("payload", 4, DEADLINE, "bench");
 const LARGE: Topic<Large> = Topic::new("payload", 4, DEADLINE, "bench");
 
-/// Measures both payloads, each with a sender in a process of its own.
-pub(crate) fn measure(table: &mut String) -> Result {
-    signal::listen();
-    let _ = writeln!(table, "\npair by ticket, us                          p50      p99    pairs");
-    let figures = receive(Payload::Small, &SMALL)
-        .and_then(|small| Ok((small, receive(Payload::Large, &LARGE)?)));
-    // Our own node is gone: nobody else has a part in this namespace.
-    Namespace::new(&robot())?.remove();
-    let (small, large) = figures?;
-    for (name, figures) in [("1 KiB", small), ("1 MiB", large)] {
-        for (what, history) in [("found", &figures.found), ("and read", &figures.read)] {
-            let us = |quantile| history.value_at_quantile(quantile) as f64 / 1e3;
-            let (p50, p99) = (us(0.5), us(0.99));
-            let _ = writeln!(
-                table,
-                "  {name:<10} {what:<24} {p50:>9.2} {p99:>8.2} {:>8}",
-                history.len()
-            );
+/// How large a sample is that nobody copies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum Payload {
+    /// 1 KiB, about a scan.
+    Small,
+    /// 64 KiB.
+    Medium,
+    /// 1 MiB, about an image.
+    Large,
+}
+
+impl Payload {
+    /// Every one.
+    pub(crate) const ALL: [Self; 3] = [Self::Small, Self::Medium, Self::Large];
+
+    /// What is measured with it: until both samples were found, and until the payload was read.
+    pub(crate) fn names(self) -> [String; 2] {
+        let size = match self {
+            Self::Small => "1 KiB",
+            Self::Medium => "64 KiB",
+            Self::Large => "1 MiB",
+        };
+        ["found", "found and read"].map(|what| format!("a pair by ticket, {size}, {what}"))
+    }
+
+    /// One round, in processes of its own.
+    pub(crate) fn measure(self, namespace: &Namespace, effort: Effort) -> Result<[Values; 2]> {
+        let samples = match effort {
+            Effort::Whole => PAIRS,
+            Effort::Quick => PAIRS_QUICK,
+        };
+        let part = |role| Part { task: Task::Ticket(self), role, samples };
+        let parts = [part(Role::Reader(0)), part(Role::Sender)];
+        let results = Peers::start(namespace, &parts)?.wait()?;
+        let mut results = results.into_iter().flatten();
+        match (results.next(), results.next()) {
+            (Some(found), Some(read)) => Ok([Values::Many(found), Values::Many(read)]),
+            _ => Err(Error::Fault("nobody paired".to_owned())),
         }
     }
-    Ok(())
 }
 
-/// How long it took to pair and to find both samples, and to read the payload on top.
-struct Figures {
-    found: Histogram<u64>,
-    read: Histogram<u64>,
-}
-
-/// The sender's side: what `measure` starts.
-pub(crate) fn send(payload: Payload) -> Result {
-    node::die_with_parent(Signal::KILL);
+/// Plays one part, and returns what it has measured, if that is its part.
+pub(crate) fn play(
+    payload: Payload,
+    part: &Part,
+    namespace: &Namespace,
+) -> Result<Vec<Histogram<u64>>> {
     match payload {
-        Payload::Small => send_on(&SMALL),
-        Payload::Large => send_on(&LARGE),
+        Payload::Small => play_on(&SMALL, part, namespace),
+        Payload::Medium => play_on(&MEDIUM, part, namespace),
+        Payload::Large => play_on(&LARGE, part, namespace),
     }
 }
 
-fn send_on<T: Bytes>(topic: &Topic<T>) -> Result {
-    let session = Session::join(&Namespace::new(&robot())?, "sender", 1)?;
+fn play_on<T: Bytes + 'static>(
+    topic: &Topic<T>,
+    part: &Part,
+    namespace: &Namespace,
+) -> Result<Vec<Histogram<u64>>> {
+    match part.role {
+        Role::Sender => send(topic, part.samples, namespace).map(|()| Vec::new()),
+        Role::Reader(_) => receive(topic, part.samples, namespace),
+    }
+}
+
+fn send<T: Bytes>(topic: &Topic<T>, samples: u64, namespace: &Namespace) -> Result {
+    let session = Session::join(namespace, "sender", 1)?;
     let mut payloads = session.publisher(topic)?;
     let mut odometry = session.publisher(&ODOMETRY)?;
-    let begun = clock::now();
-    while payloads.readers() == 0 || odometry.readers() == 0 {
-        if TIMEOUT < clock::now().since(begun) {
-            return Err(Error::Fault("nobody reads".to_owned()));
-        }
+    // The reader answers each pair, so that none is lost however late it comes.
+    let mut answers = session.quiet_subscriber(&SENSOR_PAIR)?;
+    let until = clock::now().after(TIMEOUT);
+    while payloads.readers() == 0 || odometry.readers() == 0 || !answers.has_publisher() {
+        check(until)?;
         clock::nap(PERIOD);
     }
-    for number in 0..PAIRS {
+    for number in 0..samples {
         let now = clock::now();
         payloads.send_with(|payload| {
             payload.header_mut().stamp = now;
             payload.bytes_mut().fill(number.to_le_bytes()[0]);
         })?;
         odometry.send_with(|odometry| odometry.header.stamp = now)?;
-        clock::nap(PERIOD);
+        while answers.receive()?.is_none() {
+            check(until)?;
+            clock::nap(PERIOD);
+        }
     }
-    // The last samples stay readable until this process ends.
-    clock::nap(Duration::from_millis(200));
     Ok(())
 }
 
-/// Nobody drives it; two measurements at once are two robots.
-fn robot() -> String {
-    let measuring = std::env::var(node::PARENT).unwrap_or_else(|_| std::process::id().to_string());
-    format!("bench-{measuring}")
+fn check(until: Stamp) -> Result {
+    if until < clock::now() {
+        return Err(Error::Fault("the other side is silent".to_owned()));
+    }
+    Ok(())
 }
 
-fn receive<T: Bytes + 'static>(payload: Payload, topic: &Topic<T>) -> Result<Figures> {
-    let mut sender = Sender::start(payload)?;
-    let session = Session::join(&Namespace::new(&robot())?, "receiver", 1)?;
+/// How long it took to pair and to find both samples, and to read the payload on top.
+fn receive<T: Bytes + 'static>(
+    topic: &Topic<T>,
+    samples: u64,
+    namespace: &Namespace,
+) -> Result<Vec<Histogram<u64>>> {
+    let session = Session::join(namespace, "receiver", 1)?;
     let mut payloads = session.quiet_subscriber(topic)?;
     let mut odometry = session.quiet_subscriber(&ODOMETRY)?;
+    let mut answers = session.publisher(&SENSOR_PAIR)?;
     let mut pairing =
         Pairing::new(&CONFIG).map_err(|cause| Error::Fault(format!("cannot pair: {cause}")))?;
-    let mut figures = Figures::new()?;
+    let (mut found, mut read) = (history()?, history()?);
     let mut held = None;
-    let mut sum = 0;
-    while !sender.has_ended() && signal::stop_requests() == 0 {
+    let until = clock::now().after(TIMEOUT);
+    while found.len() < samples {
         let begun = clock::now();
+        if until < begun {
+            return Err(Error::Fault("the other side is silent".to_owned()));
+        }
         if let Some(sample) = payloads.receive()? {
             pairing.push(0, entry(sample.header(), begun));
             held = Some(sample);
@@ -176,15 +218,21 @@ fn receive<T: Bytes + 'static>(payload: Payload, topic: &Topic<T>) -> Result<Fig
             .pairs()
             .next()
             .map(|pair| pair.members[0]);
-        let (Some(ticket), Some(payload)) = (ticket, &held) else { continue };
-        if payload.header().sequence == ticket.sequence {
-            figures.found.saturating_record(nanoseconds(clock::now().since(begun)));
-            sum += payload.bytes().iter().map(|&byte| u64::from(byte)).sum::<u64>();
-            figures.read.saturating_record(nanoseconds(clock::now().since(begun)));
+        let payload = held.as_ref().zip(ticket);
+        let payload = payload.filter(|(held, ticket)| held.header().sequence == ticket.sequence);
+        let Some((payload, ticket)) = payload else {
+            return Err(Error::Fault("a pair was not found".to_owned()));
+        };
+        found.saturating_record(nanoseconds(clock::now().since(begun)));
+        let sum = payload.bytes().iter().map(|&byte| u64::from(byte)).sum::<u64>();
+        let expected = u64::from(ticket.sequence.to_le_bytes()[0]) * payload.bytes().len() as u64;
+        read.saturating_record(nanoseconds(clock::now().since(begun)));
+        if sum != expected {
+            return Err(Error::Fault("a payload is damaged".to_owned()));
         }
+        answers.send_with(|answer| answer.header.stamp = begun)?;
     }
-    std::hint::black_box(sum);
-    Ok(figures)
+    Ok(vec![found, read])
 }
 
 const CONFIG: Config = Config {
@@ -204,44 +252,4 @@ fn entry(header: &Header, received: Stamp) -> Entry {
 
 fn nanoseconds(duration: Duration) -> u64 {
     u64::try_from(duration.as_nanos()).unwrap_or(u64::MAX)
-}
-
-impl Figures {
-    fn new() -> Result<Self> {
-        let history = || {
-            Histogram::new_with_max(10_000_000_000, 3)
-                .map_err(|cause| Error::Fault(cause.to_string()))
-        };
-        Ok(Self { found: history()?, read: history()? })
-    }
-}
-
-/// The sender's process; killed, and its shared memory removed, when dropped.
-struct Sender(Child);
-
-impl Sender {
-    fn start(payload: Payload) -> Result<Self> {
-        let failed = |cause| Error::File { path: "/proc/self/exe".into(), cause };
-        let own = std::env::current_exe().map_err(failed)?;
-        let payload =
-            payload.to_possible_value().map_or(String::new(), |value| value.get_name().to_owned());
-        let child = Command::new(own)
-            .args(["bench", "--send", &payload])
-            .env(node::PARENT, std::process::id().to_string())
-            .spawn()
-            .map_err(failed)?;
-        Ok(Self(child))
-    }
-
-    fn has_ended(&mut self) -> bool {
-        !matches!(self.0.try_wait(), Ok(None))
-    }
-}
-
-impl Drop for Sender {
-    fn drop(&mut self) {
-        // Both fail only where it has ended already.
-        drop(self.0.kill());
-        drop(self.0.wait());
-    }
 }

@@ -1,0 +1,87 @@
+//! The figures as people and spreadsheets read them.
+
+use std::fmt::Write;
+
+use crate::measured::{Book, Figure};
+
+/// What each row is, in the order in which they are told.
+const ROWS: [(&str, &str); 2] = [
+    (
+        "hop",
+        "one hop: payload written in full, sent, received, read in full; back to back it is half a \
+         round trip, else the time from before writing until after reading",
+    ),
+    ("pair", "pairing, and a pair by ticket: from receiving until both samples are found, or read"),
+];
+
+/// For a person.
+pub(crate) fn text(book: &Book) -> String {
+    let mut text = String::new();
+    book.card.write(&mut text);
+    for (row, what) in ROWS {
+        let figures: Vec<_> = book.figures.iter().filter(|figure| figure.row == row).collect();
+        if figures.is_empty() {
+            continue;
+        }
+        let _ = write!(text, "\n{what}\n{:<52}", "");
+        for column in ["p50", "p90", "p99", "p99.9", "max", "count"] {
+            let _ = write!(text, "{column:>9}");
+        }
+        let _ = writeln!(text, "  {:<18}busy", "p50 of rounds");
+        for figure in figures {
+            line(figure, &mut text);
+        }
+    }
+    if !book.absent.is_empty() {
+        let _ = writeln!(text, "\nnot measured");
+    }
+    for absent in &book.absent {
+        let _ = writeln!(text, "  {absent}");
+    }
+    book.headline.write(&mut text);
+    text
+}
+
+fn line(figure: &Figure, text: &mut String) {
+    let unit = figure.unit;
+    let _ = write!(text, "  {:<50}", figure.name);
+    for value in [Some(figure.p50), figure.p90, figure.p99, figure.p999, Some(figure.max)] {
+        let _ =
+            write!(text, "{:>9}", value.map_or_else(|| "-".to_owned(), |value| unit.text(value)));
+    }
+    let (least, greatest) = figure.spread();
+    let spread = format!("{}..{} {}", unit.text(least), unit.text(greatest), unit.label());
+    let _ = write!(text, "{:>9}  {spread:<18}", figure.count);
+    let contaminated = figure.contaminated();
+    let mark = if contaminated == 0 {
+        String::new()
+    } else {
+        format!("{contaminated}/{}", figure.rounds.len())
+    };
+    let _ = writeln!(text, "{mark}");
+}
+
+/// For a spreadsheet: a line for each round of each figure.
+pub(crate) fn csv(book: &Book) -> String {
+    let mut text =
+        "row,name,unit,round,value,count,foreign_share,steal_share,contaminated\n".to_owned();
+    for figure in &book.figures {
+        for (number, round) in (1..).zip(&figure.rounds) {
+            let others = round.others;
+            let unit = serde_json::to_value(figure.unit).unwrap_or_default();
+            let _ = writeln!(
+                text,
+                "{},\"{}\",{},{number},{},{},{},{},{}",
+                figure.row,
+                figure.name,
+                unit.as_str().unwrap_or_default(),
+                round.value,
+                round.count,
+                others.foreign,
+                others.steal,
+                others.contaminated
+            );
+        }
+    }
+    text
+}
