@@ -37,11 +37,14 @@ pub(crate) struct Ratio {
 }
 
 /// One row of the table of goals.
+#[derive(Clone)]
 struct Goal {
     row: &'static str,
-    name: &'static str,
+    name: String,
     of: String,
     over: String,
+    /// [-] Of what it is compared with.
+    times: f64,
     most: f64,
 }
 
@@ -110,9 +113,10 @@ impl Goal {
     /// Round by round, since neighbours in time met the same machine.
     fn ratio(&self, of: &Figure, over: &Figure) -> Option<Ratio> {
         let rounds = of.rounds.iter().zip(&over.rounds);
-        let ratios: Vec<_> = rounds.map(|(of, over)| of.value / over.value).collect();
+        let ratios: Vec<_> =
+            rounds.map(|(of, over)| of.value / (self.times * over.value)).collect();
         Some(Ratio {
-            name: self.name.to_owned(),
+            name: self.name.clone(),
             goal: self.most,
             value: median(&ratios)?,
             least: ratios.iter().copied().fold(f64::INFINITY, f64::min),
@@ -122,100 +126,72 @@ impl Goal {
 }
 
 fn goals() -> Vec<Goal> {
-    let hop = |name, of: &str, over: &str, place: &str, most| Goal {
+    [polled(), woken(), untouched(), whole_loop()].concat()
+}
+
+const NEAR: &str = "across cores, back to back";
+
+/// `who` over `whom`, both with `size` as `place` has it.
+fn hop(who: &str, whom: &str, size: &str, place: &str, most: f64) -> Goal {
+    Goal {
         row: "hop",
-        name,
-        of: format!("{of}, {place}"),
-        over: format!("{over}, {place}"),
+        name: format!("{who} over {whom}, {size}, {place}"),
+        of: format!("{who}, {size}, {place}"),
+        over: format!("{whom}, {size}, {place}"),
+        times: 1.0,
+        most,
+    }
+}
+
+fn polled() -> Vec<Goal> {
+    let plain = ["64 B", "a scan"].map(|size| hop("teseo poll", "iceoryx2 poll", size, NEAR, 1.05));
+    let flag = ["64 B", "a scan", "64 KiB", "1 MiB"]
+        .map(|size| hop("teseo poll", "flag", size, NEAR, 2.0));
+    plain.into_iter().chain(flag).collect()
+}
+
+fn woken() -> Vec<Goal> {
+    let goal = |who, place, most| hop(who, "futex", "64 B", place, most);
+    vec![
+        goal("teseo block", NEAR, 1.1),
+        goal("teseo block", "across cores, 1 kHz", 1.3),
+        goal("teseo block", "across cores, 40 Hz", 1.6),
+        goal("teseo yield", "one core, back to back", 1.2),
+        goal("teseo block", "one core, back to back", 3.0),
+    ]
+}
+
+/// From 64 bytes to a mebibyte nothing may change where nobody touches the payload.
+fn untouched() -> Vec<Goal> {
+    let goal = |who: &str| Goal {
+        row: "hop",
+        name: format!("{who} not touched, 1 MiB over 64 B"),
+        of: format!("{who}, 1 MiB, {NEAR}, not touched"),
+        over: format!("{who}, 64 B, {NEAR}, not touched"),
+        times: 1.0,
+        most: 1.1,
+    };
+    vec![goal("iceoryx2 bare"), goal("teseo poll")]
+}
+
+/// [-] Odometry, pairing, controller and simulator wake one after another.
+const WAKE_UPS: f64 = 4.0;
+
+/// Against as many wake-ups as the loop has, each at the pace of the loop.
+fn whole_loop() -> Vec<Goal> {
+    let goal = |setting: &str, rate: &str, pace: &str, most| Goal {
+        row: "loop",
+        name: format!("scan to wheel over 4 futexes, {setting}, {rate}"),
+        of: format!("scan to wheel, {setting}, {rate}"),
+        over: format!("futex, 64 B, across cores, {pace}"),
+        times: WAKE_UPS,
         most,
     };
-    let near = "across cores, back to back";
     vec![
-        hop(
-            "polled, 64 B: teseo over plain iceoryx2",
-            "teseo poll, 64 B",
-            "iceoryx2 poll, 64 B",
-            near,
-            1.05,
-        ),
-        hop(
-            "polled, a scan: teseo over plain iceoryx2",
-            "teseo poll, a scan",
-            "iceoryx2 poll, a scan",
-            near,
-            1.05,
-        ),
-        hop("polled, 64 B: teseo over the raw flag", "teseo poll, 64 B", "flag, 64 B", near, 2.0),
-        hop(
-            "polled, a scan: teseo over the raw flag",
-            "teseo poll, a scan",
-            "flag, a scan",
-            near,
-            2.0,
-        ),
-        hop(
-            "polled, 64 KiB: teseo over the raw flag",
-            "teseo poll, 64 KiB",
-            "flag, 64 KiB",
-            near,
-            2.0,
-        ),
-        hop(
-            "polled, 1 MiB: teseo over the raw flag",
-            "teseo poll, 1 MiB",
-            "flag, 1 MiB",
-            near,
-            2.0,
-        ),
-        hop(
-            "block, back to back: teseo over a futex",
-            "teseo block, 64 B",
-            "futex, 64 B",
-            near,
-            1.1,
-        ),
-        hop(
-            "block, at 1 kHz: teseo over a futex",
-            "teseo block, 64 B",
-            "futex, 64 B",
-            "across cores, 1 kHz",
-            1.3,
-        ),
-        hop(
-            "block, at 40 Hz: teseo over a futex",
-            "teseo block, 64 B",
-            "futex, 64 B",
-            "across cores, 40 Hz",
-            1.6,
-        ),
-        hop(
-            "yield on one core: teseo over a futex",
-            "teseo yield, 64 B",
-            "futex, 64 B",
-            "one core, back to back",
-            1.2,
-        ),
-        hop(
-            "block on one core: teseo over a futex",
-            "teseo block, 64 B",
-            "futex, 64 B",
-            "one core, back to back",
-            3.0,
-        ),
-        Goal {
-            row: "hop",
-            name: "not touched: iceoryx2 bare, 1 MiB over 64 B",
-            of: format!("iceoryx2 bare, 1 MiB, {near}, not touched"),
-            over: format!("iceoryx2 bare, 64 B, {near}, not touched"),
-            most: 1.1,
-        },
-        Goal {
-            row: "hop",
-            name: "not touched: teseo, 1 MiB over 64 B",
-            of: format!("teseo poll, 1 MiB, {near}, not touched"),
-            over: format!("teseo poll, 64 B, {near}, not touched"),
-            most: 1.1,
-        },
+        goal("block, any core", "20 Hz", "40 Hz", 1.3),
+        goal("block, any core", "1000 Hz", "1 kHz", 1.3),
+        goal("yield, one core", "20 Hz", "40 Hz", 0.3),
+        goal("yield, one core", "1000 Hz", "1 kHz", 0.3),
     ]
 }
 
@@ -279,9 +255,11 @@ mod tests {
     fn every_goal_is_of_something_that_is_measured() {
         let (hops, _) = crate::hop::configurations(2);
         let names: Vec<_> = hops.iter().map(crate::hop::Hop::name).collect();
+        let loops: Vec<_> =
+            crate::chain::configurations().iter().flat_map(crate::chain::Chain::names).collect();
         for goal in goals() {
             assert!(names.contains(&goal.over), "{}", goal.over);
-            assert!(goal.row != "hop" || names.contains(&goal.of), "{}", goal.of);
+            assert!(names.contains(&goal.of) || loops.contains(&goal.of), "{}", goal.of);
         }
     }
 }

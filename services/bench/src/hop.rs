@@ -211,7 +211,7 @@ impl Hop {
             (Pace::BackToBack, Size::Large) => 150,
             (Pace::BackToBack, _) => 800,
             (Pace::Millisecond, _) => 250,
-            (Pace::Slow, _) => 25,
+            (Pace::Slow, _) => 15,
         };
         match effort {
             Effort::Whole => samples,
@@ -256,6 +256,12 @@ pub(crate) fn configurations(cores: usize) -> (Vec<Hop>, Vec<String>) {
             .to_owned(),
     );
     (hops, absent)
+}
+
+/// What a futex wake-up takes at the paces of a robot: what its whole loop is compared with.
+pub(crate) fn floors() -> [Hop; 2] {
+    [Pace::Millisecond, Pace::Slow]
+        .map(|pace| Hop::new(Way::Futex, Size::Line, Place::Across, pace))
 }
 
 fn back_to_back(hops: &mut Vec<Hop>) {

@@ -6,12 +6,16 @@
 
 mod busy;
 mod card;
+mod chain;
 mod compare;
+mod cost;
 mod headline;
 mod hop;
+mod lockstep;
 mod measured;
 mod pairing;
 mod peers;
+mod robot;
 mod table;
 mod ticket;
 mod work;
@@ -78,6 +82,12 @@ pub enum Row {
     Hop,
     /// Pairing, and a pair by ticket with payloads of growing size
     Pair,
+    /// The whole loop in real time: from scan to wheel, segment by segment
+    Loop,
+    /// Lock-step: steps a second, and how they grow with beams, walls and robots
+    Lockstep,
+    /// What a robot at 20 Hz takes of processors and memory, and how long it takes to start
+    Cost,
 }
 
 /// How much is measured.

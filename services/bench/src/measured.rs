@@ -119,6 +119,8 @@ fn microseconds(value: f64) -> String {
 pub(crate) enum Values {
     /// Many, all of them.
     Many(Histogram<u64>),
+    /// Many that another process has summed up: how many, median, 99th percentile, maximum.
+    Summed(u64, [f64; 3]),
     /// One.
     One(f64),
 }
@@ -130,12 +132,13 @@ pub(crate) struct Collected {
     name: String,
     unit: Unit,
     all: Option<Histogram<u64>>,
+    summed: Vec<[f64; 3]>,
     rounds: Vec<Round>,
 }
 
 impl Collected {
     pub(crate) fn new(row: &'static str, name: String, unit: Unit) -> Self {
-        Self { row, name, unit, all: None, rounds: Vec::new() }
+        Self { row, name, unit, all: None, summed: Vec::new(), rounds: Vec::new() }
     }
 
     pub(crate) fn add(&mut self, values: Values, others: Others) -> Result {
@@ -147,6 +150,10 @@ impl Collected {
                     None => self.all = Some(histogram),
                 }
                 found
+            }
+            Values::Summed(count, figures) => {
+                self.summed.push(figures);
+                (figures[0], count)
             }
             Values::One(value) => (value, 1),
         };
@@ -165,6 +172,9 @@ impl Collected {
             p50 = at(0.5);
             (p90, p99, p999) = (Some(at(0.9)), Some(at(0.99)), Some(at(0.999)));
             max = all.max() as f64;
+        } else if !self.summed.is_empty() {
+            p99 = median(&self.summed.iter().map(|figures| figures[1]).collect::<Vec<_>>());
+            max = largest(&mut self.summed.iter().map(|figures| figures[2]));
         }
         Some(Figure {
             row: self.row.to_owned(),

@@ -5,13 +5,20 @@ use std::fmt::Write;
 use crate::measured::{Book, Figure};
 
 /// What each row is, in the order in which they are told.
-const ROWS: [(&str, &str); 2] = [
+const ROWS: [(&str, &str); 5] = [
     (
         "hop",
         "one hop: payload written in full, sent, received, read in full; back to back it is half a \
          round trip, else the time from before writing until after reading",
     ),
     ("pair", "pairing, and a pair by ticket: from receiving until both samples are found, or read"),
+    (
+        "loop",
+        "the whole loop in real time, as its nodes tell it: the age of a scan, where the median is that \
+         of the rounds' medians",
+    ),
+    ("lockstep", "lock-step, four processes, the lab's maze, no noise"),
+    ("cost", "what a robot takes"),
 ];
 
 /// For a person.

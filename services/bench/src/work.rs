@@ -2,7 +2,10 @@
 
 use node::{Namespace, Result};
 
+use crate::chain::{self, Chain};
+use crate::cost::{self, Cost};
 use crate::hop::{self, Hop};
+use crate::lockstep::{self, Lockstep};
 use crate::measured::{Collected, Unit, Values};
 use crate::pairing::{self, Core};
 use crate::ticket::Payload;
@@ -17,6 +20,12 @@ pub(crate) enum Work {
     Core(Core),
     /// A pair by ticket.
     Ticket(Payload),
+    /// The whole loop in real time.
+    Chain(Chain),
+    /// A robot in lock-step.
+    Lockstep(Lockstep),
+    /// What a robot costs.
+    Cost(Cost),
 }
 
 /// All of `rows`, or of every row where there are none, and what is left out, with the reason.
@@ -32,17 +41,42 @@ pub(crate) fn configurations(rows: &[Row], cores: usize) -> (Vec<Work>, Vec<Stri
         works.extend(pairing::configurations().into_iter().map(Work::Core));
         works.extend(Payload::ALL.map(Work::Ticket));
     }
+    if is_asked(Row::Loop) {
+        if !is_asked(Row::Hop) && 1 < cores {
+            // What the machine itself takes at that pace.
+            works.extend(hop::floors().map(Work::Hop));
+        }
+        works.extend(chain::configurations().into_iter().map(Work::Chain));
+    }
+    if is_asked(Row::Lockstep) {
+        works.extend(lockstep::configurations().into_iter().map(Work::Lockstep));
+        absent.push(
+            "lock-step with several robots in one world: robots are in a world each".to_owned(),
+        );
+    }
+    if is_asked(Row::Cost) {
+        works.extend(cost::configurations().into_iter().map(Work::Cost));
+    }
     (works, absent)
 }
 
 impl Work {
     /// A place for each figure that [`Work::measure`] yields.
     pub(crate) fn collected(&self) -> Vec<Collected> {
-        let collected = |row, name| Collected::new(row, name, Unit::Nanoseconds);
+        let new = |row, name| Collected::new(row, name, Unit::Nanoseconds);
         match self {
-            Self::Hop(hop) => vec![collected("hop", hop.name())],
-            Self::Core(core) => vec![collected("pair", core.name())],
-            Self::Ticket(payload) => payload.names().map(|name| collected("pair", name)).into(),
+            Self::Hop(hop) => vec![new("hop", hop.name())],
+            Self::Core(core) => vec![new("pair", core.name())],
+            Self::Ticket(payload) => payload.names().map(|name| new("pair", name)).into(),
+            Self::Chain(chain) => chain.names().into_iter().map(|name| new("loop", name)).collect(),
+            Self::Lockstep(lockstep) => {
+                let names = lockstep.names();
+                names.map(|(name, unit)| Collected::new("lockstep", name, unit)).into()
+            }
+            Self::Cost(cost) => {
+                let names = cost.names().into_iter();
+                names.map(|(name, unit)| Collected::new("cost", name, unit)).collect()
+            }
         }
     }
 
@@ -52,6 +86,9 @@ impl Work {
             Self::Hop(hop) => Ok(vec![hop.measure(namespace, effort)?]),
             Self::Core(core) => Ok(vec![core.measure()]),
             Self::Ticket(payload) => Ok(payload.measure(namespace, effort)?.into()),
+            Self::Chain(chain) => chain.measure(namespace, effort),
+            Self::Lockstep(lockstep) => lockstep.measure(namespace, effort),
+            Self::Cost(cost) => cost.measure(namespace, effort),
         }
     }
 }

@@ -8,8 +8,8 @@ use interfaces::topics::{
 use interfaces::{LaserScan, MotionState, Odometry, Permission, Pose, SensorPair, VelocityCommand};
 use node::config::{self, Place};
 use node::{
-    Clock, Error, Gauge, Lookup, Node, Publisher, Refusals, Result, Sample, Settings, Subscriber,
-    Window,
+    Clock, Error, Gauge, Latency, Lookup, Node, Publisher, Refusals, Result, Sample, Settings,
+    Subscriber, Window,
 };
 
 use crate::{Commands, Config, Controller, Pacing, Unfit, check_age, is_handed_over, standstill};
@@ -97,6 +97,7 @@ struct Driver {
     is_armed: bool,
     commands: Publisher<VelocityCommand>,
     clock: Clock,
+    age: Option<Latency>,
     age_max: Duration,
     gone: Gauge,
     refusals: Refusals,
@@ -131,6 +132,7 @@ impl Driver {
             is_armed: true,
             commands: node.publish(commands)?,
             clock: node.clock(),
+            age: (node.clock() == Clock::Realtime).then(|| node.latency("age")),
             age_max: Duration::from_secs_f64(config.input_age_max_s),
             gone: node.gauge("tickets_whose_sample_is_gone"),
             refusals: Refusals::new(node, "unfit", Unfit::ALL.map(Unfit::label)),
@@ -206,6 +208,14 @@ impl Driver {
 
     fn send(&mut self, command: VelocityCommand) -> Result {
         // Once a localization knows where the robot is, another node drives.
-        if is_handed_over(self.pose.as_deref()) { Ok(()) } else { self.commands.send(command) }
+        if is_handed_over(self.pose.as_deref()) {
+            return Ok(());
+        }
+        let stamp = command.header.stamp;
+        self.commands.send(command)?;
+        if let Some(age) = &self.age {
+            age.record(node::clock::now().since(stamp));
+        }
+        Ok(())
     }
 }

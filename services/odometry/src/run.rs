@@ -2,7 +2,7 @@
 
 use interfaces::Odometry;
 use interfaces::topics::{JOINT_STATES, ODOMETRY, ROBOT_POSE};
-use node::{Gauge, Node, Refusals, Result, Settings};
+use node::{Clock, Gauge, Node, Refusals, Result, Settings};
 
 use crate::{Config, PoseOdometry, Rejected, Source, WheelOdometry};
 
@@ -24,6 +24,7 @@ fn from_wheels(node: &mut Node<'_>, config: &Config) -> Result {
     let mut wheels = node.subscribe(&JOINT_STATES)?;
     let mut odometry = node.publish(&ODOMETRY)?;
     let mut gauges = Gauges::new(node);
+    let age = (node.clock() == Clock::Realtime).then(|| node.latency("age"));
     let mut core = WheelOdometry::new(config);
     let mut sample = Odometry::default();
     while node.tick()?.is_some() {
@@ -32,6 +33,9 @@ fn from_wheels(node: &mut Node<'_>, config: &Config) -> Result {
                 Ok(()) => {
                     gauges.accept(node, &sample);
                     odometry.send(sample)?;
+                    if let Some(age) = &age {
+                        age.record(node::clock::now().since(wheels.header.stamp));
+                    }
                 }
                 Err(rejected) => gauges.reject(node, rejected),
             }

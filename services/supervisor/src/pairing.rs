@@ -3,7 +3,7 @@
 use interfaces::topics::{ODOMETRY, SCAN, SENSOR_PAIR};
 use interfaces::{Header, SensorPair, Stamp};
 use node::pairing::{ODOMETRIES, Outcome, Pairing, Reason, SCANS, SensorPairing, write_ticket};
-use node::{Clock, Error, Gauge, Node, Publisher, Result};
+use node::{Clock, Error, Gauge, Latency, Node, Publisher, Result};
 
 /// Runs the pairing as a managed node: it has a loop of its own, so that starting or reaping a
 /// process never delays a pair.
@@ -16,17 +16,24 @@ pub fn run(node: &mut Node<'_>) -> Result {
     let mut tickets = node.publish(&SENSOR_PAIR)?;
     let books = Books::new(node);
     let clock = node.clock();
+    let age = (clock == Clock::Realtime).then(|| node.latency("age"));
     while let Some(tick) = node.tick()? {
         while let Some(scan) = scans.receive()? {
             let received = received(clock, tick.now, &scan.header);
-            send(&mut tickets, &pairing.push(SCANS, &scan.header, received), received)?;
+            send(
+                &mut tickets,
+                &pairing.push(SCANS, &scan.header, received),
+                received,
+                age.as_ref(),
+            )?;
         }
         while let Some(odometry) = odometry.receive()? {
             let received = received(clock, tick.now, &odometry.header);
-            send(&mut tickets, &pairing.push(ODOMETRIES, &odometry.header, received), received)?;
+            let outcome = pairing.push(ODOMETRIES, &odometry.header, received);
+            send(&mut tickets, &outcome, received, age.as_ref())?;
         }
         if clock == Clock::Realtime {
-            send(&mut tickets, &pairing.poll(tick.now), tick.now)?;
+            send(&mut tickets, &pairing.poll(tick.now), tick.now, age.as_ref())?;
             node.wake_by(pairing.next_deadline());
         }
         books.set(pairing.pairing());
@@ -42,9 +49,21 @@ fn received(clock: Clock, now: Stamp, header: &Header) -> Stamp {
     }
 }
 
-fn send(tickets: &mut Publisher<SensorPair>, outcome: &Outcome<'_>, now: Stamp) -> Result {
+fn send(
+    tickets: &mut Publisher<SensorPair>,
+    outcome: &Outcome<'_>,
+    now: Stamp,
+    age: Option<&Latency>,
+) -> Result {
     for pair in outcome.pairs() {
-        tickets.send_with(|ticket| write_ticket(&pair, now, ticket))?;
+        let mut stamp = now;
+        tickets.send_with(|ticket| {
+            write_ticket(&pair, now, ticket);
+            stamp = ticket.header.stamp;
+        })?;
+        if let Some(age) = age {
+            age.record(node::clock::now().since(stamp));
+        }
     }
     Ok(())
 }
