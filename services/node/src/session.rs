@@ -7,7 +7,6 @@ use iceoryx2::port::{BackpressureAction, BackpressureInfo};
 use iceoryx2::prelude::{
     BackpressureStrategy, NodeBuilder, NodeName, PortName, ServiceName, SignalHandlingMode, ipc,
 };
-use iceoryx2::service::builder::event::EventOpenOrCreateError;
 use iceoryx2::service::builder::publish_subscribe::{
     PublishSubscribeOpenError, PublishSubscribeOpenOrCreateError,
 };
@@ -19,7 +18,6 @@ use crate::wake::Wakers;
 use crate::{Clock, Error, Namespace, Result, clock, signal};
 
 pub(crate) type Service<T> = port_factory::publish_subscribe::PortFactory<ipc::Service, T, ()>;
-pub(crate) type WakeService = port_factory::event::PortFactory<ipc::Service>;
 
 /// [-] Readers of one topic: the robot's processes, observers and recorders.
 pub(crate) const SUBSCRIBERS_MAX: usize = 16;
@@ -70,7 +68,7 @@ impl Session {
             name: name.to_owned(),
             epoch,
             clock: Clock::Realtime,
-            wakers: Rc::new(Wakers::new(node)),
+            wakers: Rc::new(Wakers::new(node, namespace)),
         })
     }
 
@@ -194,9 +192,9 @@ impl Session {
         self.clock == Clock::Lockstep && is_stream
     }
 
-    /// The channel on which others wake `owner`.
-    pub(crate) fn wake_service(&self, owner: &str) -> Result<WakeService> {
-        open_wake_service(self.wakers.node(), owner)
+    /// What the names of the robot's files in shared memory begin with.
+    pub(crate) fn prefix(&self) -> &str {
+        self.wakers.prefix()
     }
 }
 
@@ -214,25 +212,6 @@ fn await_reader(info: &BackpressureInfo) -> BackpressureAction {
 pub struct Held(
     #[expect(dead_code, reason = "dropped, and that is its use")] Box<dyn std::fmt::Debug>,
 );
-
-pub(crate) fn open_wake_service(
-    node: &iceoryx2::node::Node<ipc::Service>,
-    owner: &str,
-) -> Result<WakeService> {
-    let name = format!("wake/{owner}");
-    let service_name = service_name(&name)?;
-    let open = || {
-        node.service_builder(&service_name)
-            .event()
-            .max_listeners(2)
-            .max_notifiers(64)
-            .max_nodes(NODES_MAX)
-            .event_id_max_value(1)
-            .open_or_create()
-    };
-    retry(open, |_: &EventOpenOrCreateError| true)
-        .map_err(|cause| Error::shared_memory(format!("open channel '{name}'"), cause))
-}
 
 fn is_incompatible(cause: PublishSubscribeOpenOrCreateError) -> bool {
     let PublishSubscribeOpenOrCreateError::PublishSubscribeOpenError(cause) = cause else {

@@ -1,23 +1,19 @@
 //! Waking and being woken: every process has one channel, and every publisher knows its readers'.
 
+mod bell;
 mod patience;
 
 use std::cell::{Cell, RefCell};
 use std::collections::BTreeMap;
 use std::rc::Rc;
-use std::time::Duration;
 
-use iceoryx2::port::listener::Listener;
-use iceoryx2::prelude::{CallbackProgression, SignalHandlingMode, WaitSet, WaitSetBuilder, ipc};
+use iceoryx2::prelude::ipc;
 use interfaces::Stamp;
 use serde::Deserialize;
 
-use crate::session::open_wake_service;
-use crate::{Error, Result, Session, clock};
+use crate::{Namespace, Result, Session, clock};
+use bell::Bell;
 use patience::Patience;
-
-/// Shorter than this a time-out of the transport is none: it counts whole milliseconds.
-const TIMEOUT_MIN: Duration = Duration::from_millis(1);
 
 /// How a process waits for the next sample: the choice between latency and a core.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
@@ -49,25 +45,28 @@ impl Wait {
     }
 }
 
-type Notifier = iceoryx2::port::notifier::Notifier<ipc::Service>;
-
-/// The notifiers of every reader that this process wakes, by name; one for all its publishers.
+/// The bells of every reader that this process wakes, by name; one for all its publishers.
 #[derive(Debug)]
 pub(crate) struct Wakers {
     node: iceoryx2::node::Node<ipc::Service>,
-    notifiers: RefCell<BTreeMap<String, Rc<Notifier>>>,
+    prefix: String,
+    bells: RefCell<BTreeMap<String, Rc<Bell>>>,
 }
 
 /// What wakes one reader.
 #[derive(Debug)]
 pub(crate) struct Waker {
     owner: String,
-    notifier: Option<Rc<Notifier>>,
+    bell: Option<Rc<Bell>>,
 }
 
 impl Wakers {
-    pub(crate) fn new(node: iceoryx2::node::Node<ipc::Service>) -> Self {
-        Self { node, notifiers: RefCell::default() }
+    pub(crate) fn new(node: iceoryx2::node::Node<ipc::Service>, namespace: &Namespace) -> Self {
+        Self { node, prefix: namespace.prefix().to_owned(), bells: RefCell::default() }
+    }
+
+    pub(crate) fn prefix(&self) -> &str {
+        &self.prefix
     }
 
     pub(crate) const fn node(&self) -> &iceoryx2::node::Node<ipc::Service> {
@@ -77,37 +76,33 @@ impl Wakers {
     /// Wakes the reader. An event is a hint: one that cannot be given is no failure, since every wait
     /// ends by itself.
     pub(crate) fn wake(&self, reader: &mut Waker) {
-        if reader.notifier.is_none() {
-            match self.notifier(&reader.owner) {
-                Ok(notifier) => reader.notifier = Some(notifier),
+        if reader.bell.is_none() {
+            match self.bell(&reader.owner) {
+                Ok(bell) => reader.bell = Some(bell),
                 Err(cause) => tracing::debug!(%cause, "a reader will wake late"),
             }
         }
-        if let Some(notifier) = &reader.notifier
-            && let Err(cause) = notifier.notify()
+        if let Some(bell) = &reader.bell
+            && let Err(cause) = bell.ring()
         {
-            tracing::debug!(?cause, owner = reader.owner, "a reader will wake late");
+            tracing::debug!(%cause, owner = reader.owner, "a reader will wake late");
         }
     }
 
-    fn notifier(&self, owner: &str) -> Result<Rc<Notifier>> {
-        if let Some(notifier) = self.notifiers.borrow().get(owner) {
-            return Ok(Rc::clone(notifier));
+    fn bell(&self, owner: &str) -> Result<Rc<Bell>> {
+        if let Some(bell) = self.bells.borrow().get(owner) {
+            return Ok(Rc::clone(bell));
         }
-        let notifier = open_wake_service(&self.node, owner)?
-            .notifier_builder()
-            .create()
-            .map_err(|cause| Error::shared_memory(format!("wake '{owner}'"), cause))?;
-        let notifier = Rc::new(notifier);
-        self.notifiers.borrow_mut().insert(owner.to_owned(), Rc::clone(&notifier));
-        Ok(notifier)
+        let bell = Rc::new(Bell::open(&self.prefix, owner)?);
+        self.bells.borrow_mut().insert(owner.to_owned(), Rc::clone(&bell));
+        Ok(bell)
     }
 }
 
 impl Waker {
     /// Of the reader called `owner`.
     pub(crate) const fn new(owner: String) -> Self {
-        Self { owner, notifier: None }
+        Self { owner, bell: None }
     }
 }
 
@@ -115,8 +110,9 @@ impl Waker {
 #[derive(Debug)]
 pub struct Waiter<'a> {
     mode: Wait,
-    listener: &'a Listener<ipc::Service>,
-    waitset: &'a WaitSet<ipc::Service>,
+    bell: &'a Bell,
+    /// [-] Rings that this process has risen for.
+    seen: Cell<u32>,
     patience: Cell<Patience>,
 }
 
@@ -137,37 +133,27 @@ impl Waiter<'_> {
                     return Ok(());
                 }
                 // What was sent before this is seen by the last look, what is sent after it wakes.
-                self.drain()?;
+                self.rise();
                 if has_come()? { Ok(()) } else { self.block(until) }
             }
         }
     }
 
-    /// Sleeps until somebody wakes this process, a signal arrives, or it is `until`.
+    /// Sleeps until somebody wakes this process, a signal arrives, or it is `until`. Whoever was woken
+    /// since the last wait, and has not looked at what came since, does not sleep.
     pub(crate) fn block(&self, until: Stamp) -> Result {
         let timeout = until.since(clock::now());
-        if timeout < TIMEOUT_MIN {
-            clock::nap(timeout);
-            return Ok(());
+        if self.bell.rings() == self.seen.get() && !timeout.is_zero() {
+            // An interrupt is a short wait: the caller looks at the stop flag.
+            self.bell.sleep(self.seen.get(), timeout)?;
         }
-        // Whole milliseconds, rounded down: the rest is napped away just before the moment comes.
-        let timeout = Duration::from_millis(u64::try_from(timeout.as_millis()).unwrap_or(0));
-        // An interrupt is a short wait: the caller looks at the stop flag.
-        self.waitset
-            .wait_and_process_once_with_timeout(|_| CallbackProgression::Continue, timeout)
-            .map_err(|cause| Error::shared_memory("wait", cause))?;
-        self.drain()
+        self.rise();
+        Ok(())
     }
 
-    /// Down to zero, and on time-outs too: iceoryx2 0.10.0 can otherwise lose a wake-up for good.
-    fn drain(&self) -> Result {
-        let pending = || {
-            self.listener
-                .try_wait(|_| {})
-                .map_err(|cause| Error::shared_memory("drain the wake-up channel", cause))
-        };
-        while 0 < pending()? {}
-        Ok(())
+    /// What was rung for until now is looked at next.
+    fn rise(&self) {
+        self.seen.set(self.bell.rings());
     }
 }
 
@@ -178,21 +164,10 @@ impl Session {
         mode: Wait,
         body: impl FnOnce(&Waiter<'_>) -> Result<T>,
     ) -> Result<T> {
-        let failed = |cause: String| Error::shared_memory("open the wake-up channel", cause);
-        let listener = self
-            .wake_service(self.name())?
-            .listener_builder()
-            .create()
-            .map_err(|cause| failed(format!("{cause:?}")))?;
-        let waitset = WaitSetBuilder::new()
-            .signal_handling_mode(SignalHandlingMode::Disabled)
-            .create::<ipc::Service>()
-            .map_err(|cause| failed(format!("{cause:?}")))?;
-        // Attached once: attaching anew for each wait would cost ten system calls a message.
-        let _attached =
-            waitset.attach_notification(&listener).map_err(|cause| failed(format!("{cause:?}")))?;
-        let patience = Cell::default();
-        body(&Waiter { mode, listener: &listener, waitset: &waitset, patience })
+        let bell = &Bell::open(self.prefix(), self.name())?;
+        // What has come before is looked at first.
+        let seen = Cell::new(bell.rings().wrapping_sub(1));
+        body(&Waiter { mode, bell, seen, patience: Cell::default() })
     }
 }
 
