@@ -50,6 +50,10 @@ pub struct Options {
     #[arg(long)]
     pub quick: bool,
 
+    /// Only figures whose name contains this
+    #[arg(long, value_name = "TEXT")]
+    pub only: Option<String>,
+
     /// Print everything as JSON
     #[arg(long, conflicts_with = "csv")]
     pub json: bool,
@@ -159,7 +163,13 @@ fn measure(options: &Options) -> Result<Book> {
     let mut card = Card::of_this_machine(cores.len());
     let (effort, rounds) =
         if options.quick { (Effort::Quick, ROUNDS_QUICK) } else { (Effort::Whole, options.rounds) };
-    let (works, absent) = work::configurations(&options.rows, cores.len());
+    let (mut works, absent) = work::configurations(&options.rows, cores.len());
+    if let Some(only) = &options.only {
+        works.retain(|work| work.collected().iter().any(|figure| figure.is_called(only)));
+        if works.is_empty() {
+            return Err(Error::Fault(format!("nothing that is measured is called '{only}'")));
+        }
+    }
     let mut collected: Vec<_> = works.iter().map(Work::collected).collect();
     let namespace = Namespace::new(&format!("bench-{}", std::process::id()))?;
     let all = Watch::start();

@@ -141,6 +141,11 @@ impl Collected {
         Self { row, name, unit, all: None, summed: Vec::new(), rounds: Vec::new() }
     }
 
+    /// Whether its name contains `text`.
+    pub(crate) fn is_called(&self, text: &str) -> bool {
+        self.name.contains(text)
+    }
+
     pub(crate) fn add(&mut self, values: Values, others: Others) -> Result {
         let (value, count) = match values {
             Values::Many(histogram) => {
