@@ -276,7 +276,8 @@ impl CorridorFollowing {
             value: wall.distance(slope),
             variance: wall.distance_variance(noise, slope_variance) + DISTANCE_BIAS * DISTANCE_BIAS,
         };
-        self.belief.correct_place(left.map(measure), right.map(measure));
+        let width_min = 2.0 * self.config.robot_radius_m;
+        self.belief.correct_place(left.map(measure), right.map(measure), width_min);
 
         self.seen = Surroundings {
             ahead: ahead.map(|wall| wall.distance(slope)),
@@ -444,13 +445,14 @@ impl Belief {
     }
 
     /// Corrects offset and width by the distances of the side walls, as far as they are believed.
-    fn correct_place(&mut self, left: Option<Estimate>, right: Option<Estimate>) {
+    fn correct_place(&mut self, left: Option<Estimate>, right: Option<Estimate>, width_min: f64) {
         if let (Some(left), Some(right)) = (left, right) {
             let width = left.value + right.value;
             let variance = left.variance + right.variance;
             let is_expected = self.width.expects(width, variance);
-            // A narrower place is narrow, whatever was believed; a wider one may be an opening.
-            if is_expected || width < self.width.value {
+            // A narrower place is narrow, whatever was believed; a wider one may be an opening, and
+            // where the robot would not fit, it does not stand.
+            if width_min <= width && (is_expected || width < self.width.value) {
                 if !is_expected {
                     self.width.variance = PLACE_UNKNOWN * PLACE_UNKNOWN;
                 }
@@ -648,6 +650,14 @@ mod tests {
         }
         assert!((follower.belief.width.value - 0.4).abs() < 0.02, "{:?}", follower.belief);
         assert!(follower.belief.offset.value.abs() < 0.01, "{:?}", follower.belief);
+    }
+
+    #[test]
+    fn walls_between_which_the_robot_would_not_fit_are_no_corridor() {
+        let mut follower = follower(1);
+        let near = [([-3.0, 0.1], [3.0, 0.1]), ([-3.0, -0.1], [3.0, -0.1])];
+        follower.update(&scan(&near, 0.0, 50), &turned(0.0, 50));
+        assert!((follower.belief.width.value - 0.4).abs() < 1e-9, "{:?}", follower.belief);
     }
 
     #[test]
