@@ -15,7 +15,7 @@ use controller::Pacing;
 use node::clock;
 
 use crate::random::number;
-use plan::Plan;
+use plan::{BEAMS, Plan};
 use referee::Figures;
 use robot::Robot;
 
@@ -30,6 +30,19 @@ const SEEDS_TELLING: usize = 100;
 
 /// Five round trips: who was misled, or has been turned round, comes back before it sets out again.
 const ROUND_TRIP_MAX: Duration = Duration::from_secs(320);
+
+/// Seeds and beams of robots that turned on the spot, or pushed against a wall, until the end of time:
+/// they believed in a corridor that was narrower than they were, or kept a course that no wall had.
+const LOST: [(u64, usize); 8] = [
+    (126, 60),
+    (1364, 60),
+    (3279, 60),
+    (3896, 60),
+    (508, 240),
+    (541, 240),
+    (609, 240),
+    (1320, 240),
+];
 
 /// How one run ended.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -59,7 +72,8 @@ fn no_fault_breaks_a_rule_and_once_faults_cease_the_robot_makes_its_round_trip()
     let begun = clock::now();
     let first = number("SEED", 1);
     let seeds = first..first + number("SEEDS", SEEDS);
-    let ends: Vec<End> = seeds.map(|seed| run(&Plan::draw(seed))).collect();
+    let beams = usize::try_from(number("BEAMS", BEAMS as u64)).unwrap();
+    let ends: Vec<End> = seeds.map(|seed| run(&Plan { beams, ..Plan::draw(seed) })).collect();
     let figures = ends.iter().fold(Figures::default(), |sum, end| sum + end.figures);
     if SEEDS_TELLING <= ends.len() {
         assert!(figures.all_happened(), "something is never drawn: {figures:?}");
@@ -75,6 +89,13 @@ fn no_fault_breaks_a_rule_and_once_faults_cease_the_robot_makes_its_round_trip()
         ends.len(),
         minutes / taken,
     );
+}
+
+#[test]
+fn robots_that_once_were_lost_for_ever_come_back() {
+    for (seed, beams) in LOST {
+        run(&Plan { beams, ..Plan::draw(seed) });
+    }
 }
 
 #[test]

@@ -12,12 +12,17 @@ use crate::random::Random;
 /// When a run begins: far enough from the clock's own start for stamps to lie before it.
 pub(super) const START: Stamp = Stamp::from_nanoseconds(3_600_000_000_000);
 
+/// [-] As few as a follower makes do with: most of a run's time is the LiDAR's.
+pub(super) const BEAMS: usize = 60;
+
 /// One run's faults, and what surrounds them.
 #[derive(Debug, Clone)]
 pub(super) struct Plan {
     pub(super) seed: u64,
     pub(super) start: &'static str,
     pub(super) noise: Noise,
+    /// [-] Of the LiDAR.
+    pub(super) beams: usize,
     pub(super) pacing: Pacing,
     /// Whether no sample ever says what is not so. What is lost or late is no lie.
     pub(super) is_honest: bool,
@@ -75,6 +80,7 @@ impl Plan {
             seed,
             start: "outer",
             noise: Noise::Ideal,
+            beams: BEAMS,
             pacing: Pacing::EveryPair,
             is_honest: true,
             cease: START,

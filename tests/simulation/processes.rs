@@ -288,7 +288,7 @@ impl ControllerProcess {
             Ok(command) => {
                 referee.sees_sent(now, ticket, &command);
                 if is_armed {
-                    referee.sees_followed(self.out.epoch, ticket);
+                    referee.sees_followed(now, self.out.epoch, ticket, &command);
                 }
                 self.out.send(now, command);
                 Answer::Driven

@@ -57,7 +57,8 @@ pub(super) struct Referee {
     latched: Option<Stamp>,
     rearms: Vec<Stamp>,
     before: Motion,
-    followed: Option<SensorPair>,
+    /// What a follower was driven by last: the controller's life, the pair and what it commanded.
+    followed: Option<(u32, SensorPair, Motion)>,
     /// Whether a follower had to begin without knowing what was before.
     pub(super) has_begun_anew: bool,
     pub(super) figures: Figures,
@@ -176,18 +177,34 @@ impl Referee {
             && stamps.iter().all(|&stamp| now.since(stamp) <= AGE_MAX)
             && stamps.iter().all(|&stamp| stamp.since(now) <= AHEAD_MAX);
         self.hold(is_fresh, now, "drives by a stale pair", &(ticket, command));
+        self.hold(is_within_limits(command), now, "commands what no wheel may do", command);
     }
 
     /// The follower of this life of the controller drives by that pair.
-    pub(super) fn sees_followed(&mut self, life: u32, ticket: &SensorPair) {
-        let follows_on = self.followed.is_none_or(|before| {
+    pub(super) fn sees_followed(
+        &mut self,
+        now: Stamp,
+        life: u32,
+        ticket: &SensorPair,
+        command: &VelocityCommand,
+    ) {
+        let motion = Motion { linear: command.linear, angular: command.angular };
+        let followed = self.followed.replace((life, *ticket, motion));
+        let follows_on = followed.is_none_or(|(_, before, _)| {
             let lives = |ticket: &SensorPair| (ticket.scan_epoch, ticket.odometry_epoch);
             lives(&before) == lives(ticket)
                 && ticket.scan_stamp.since(before.scan_stamp) <= MEMORY
                 && ticket.odometry_stamp.since(before.odometry_stamp) <= MEMORY
         });
         self.has_begun_anew |= !follows_on || 1 < life;
-        self.followed = Some(*ticket);
+
+        // The samples are those that the numbers name, whatever else a damaged ticket says.
+        let numbers = |ticket: &SensorPair| (ticket.scan_sequence, ticket.odometry_sequence);
+        let is_repeated = followed.is_some_and(|(life_before, before, _)| {
+            follows_on && life_before == life && numbers(&before) == numbers(ticket)
+        });
+        let is_same = followed.is_some_and(|(_, _, before)| before == motion);
+        self.hold(is_same || !is_repeated, now, "learns from a pair twice", &(followed, command));
     }
 
     /// A command reached the wheels, which were driven like `before` and are driven like `after`.
@@ -294,11 +311,13 @@ impl Referee {
             self.figures.of_old_lives += 1;
         }
         let is_newer = self.newest.is_none() || newest < (header.epoch, header.sequence);
-        let is_within = |speed: f64, limit: f64| speed.abs() <= limit * (1.0 + TOLERANCE);
         let apart = now.nanoseconds.abs_diff(header.stamp.nanoseconds);
-        is_newer
-            && is_within(command.linear, LINEAR_MAX)
-            && is_within(command.angular, ANGULAR_MAX)
-            && Duration::from_nanos(apart) <= SKEW_MAX
+        is_newer && is_within_limits(command) && Duration::from_nanos(apart) <= SKEW_MAX
     }
+}
+
+/// Whether no number of it is too large, nor none at all.
+fn is_within_limits(command: &VelocityCommand) -> bool {
+    let is_within = |speed: f64, limit: f64| speed.abs() <= limit * (1.0 + TOLERANCE);
+    is_within(command.linear, LINEAR_MAX) && is_within(command.angular, ANGULAR_MAX)
 }

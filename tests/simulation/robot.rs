@@ -14,9 +14,6 @@ use super::referee::{Referee, STEP};
 /// [-] Drive steps between two measurements.
 const SUBSTEPS: u32 = 5;
 
-/// [-] As few as a follower makes do with: most of a run's time is the LiDAR's.
-const BEAMS: usize = 60;
-
 pub(super) struct Robot {
     pub(super) now: Stamp,
     pub(super) simulator: Simulator,
@@ -50,7 +47,7 @@ impl Robot {
             ..simulator::Config::default()
         };
         config.lidar.noise = plan.noise;
-        config.lidar.beams = BEAMS;
+        config.lidar.beams = plan.beams;
         Self {
             now,
             simulator: Simulator::new(&config, &world).unwrap(),

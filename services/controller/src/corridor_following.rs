@@ -113,7 +113,7 @@ const DISTANCE_BIAS: f64 = 0.003;
 /// [rad] A slope is never better than this.
 const SLOPE_BIAS: f64 = 0.003;
 
-/// [rad] A greater slope is no correction of the course but another wall.
+/// [rad] A slope that differs more from the direction of most walls is not theirs.
 const SLOPE_MAX: f64 = 0.35;
 
 /// [rad] Standard deviation of a course that is read off the whole scan.
@@ -264,10 +264,12 @@ impl CorridorFollowing {
         let right = self.points.wall(Side::Right, side(reach(ahead), reach(behind)));
 
         let noise = self.config.range_noise_m;
+        let direction = self.points.direction();
         let (slope, slope_variance) = shared_slope(&[ahead, left, behind, right], noise)
-            .filter(|(slope, _)| slope.abs() <= SLOPE_MAX)
+            // Whatever the course, some points lie in line with it: the whole scan knows better.
+            .filter(|(slope, _)| (slope - direction.unwrap_or(0.0)).abs() <= SLOPE_MAX)
             // Every wall is aslant, or far away.
-            .or_else(|| Some((self.points.direction()?, DIRECTION_NOISE * DIRECTION_NOISE)))
+            .or_else(|| Some((direction?, DIRECTION_NOISE * DIRECTION_NOISE)))
             .unwrap_or((0.0, SLOPE_MAX * SLOPE_MAX));
         let heading_measured = self.belief.heading.value - slope;
         self.belief.heading.correct(heading_measured, slope_variance + SLOPE_BIAS * SLOPE_BIAS);
@@ -684,6 +686,21 @@ mod tests {
             follower.update(&scan(&[LEFT_LONG, RIGHT_LONG], yaw, 50), &turned(0.0, 50));
             let heading = follower.belief.heading.value;
             assert!((heading - yaw).abs() < 0.05, "{yaw}: {heading}");
+        }
+    }
+
+    #[test]
+    fn a_wrong_course_is_given_up_for_the_one_that_the_whole_scan_shows() {
+        for wrong in [-0.7, -0.5, 0.5, 0.7] {
+            let mut follower = follower(1);
+            follower.update(&scan(&[LEFT_LONG, RIGHT_LONG], 0.0, 0), &turned(0.0, 0));
+            follower.belief.heading.value = wrong;
+            for milliseconds in (50..10_000).step_by(50) {
+                let seen = scan(&[LEFT_LONG, RIGHT_LONG], 0.0, milliseconds);
+                follower.update(&seen, &turned(0.0, milliseconds));
+            }
+            let heading = follower.belief.heading.value;
+            assert!(heading.abs() < 0.02, "{wrong}: {heading}");
         }
     }
 
