@@ -66,7 +66,11 @@ struct End {
 ///   instead of 500; a stream that need not begin with zero; the emergency stop ignored; armed by
 ///   itself more than three times in a minute;
 /// - driven by an invalid command: an old epoch heard; limits not looked at;
-/// - leaves the ramp: brakes to zero at once.
+/// - leaves the ramp: brakes to zero at once;
+/// - drives by a stale pair: the age of the pair, or of its samples, not looked at;
+/// - commands what no wheel may do: NaN now and then;
+/// - learns from a pair twice: samples no newer than before corrected by; odometry of NaN let through;
+/// - is not back: a turn that never ends; a follower that begins anew and stands.
 #[test]
 fn no_fault_breaks_a_rule_and_once_faults_cease_the_robot_makes_its_round_trip() {
     let begun = clock::now();

@@ -76,8 +76,8 @@ const SPREAD_MIN: f64 = 0.025;
 /// [-] Chords longer than this share of the distance lie along our sight, or join different walls.
 const CHORD_MAX: f64 = 0.8;
 
-/// [-] Below this share, chords have no common direction.
-const AGREEMENT_MIN: f64 = 0.3;
+/// [-] Below this share, chords have no common direction; above, 240 beams are right within 0.15 rad.
+const AGREEMENT_MIN: f64 = 0.4;
 
 impl Points {
     pub(crate) fn new() -> Self {
