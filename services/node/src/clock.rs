@@ -1,5 +1,6 @@
 //! The one place that reads the clock and the one that sleeps.
 
+use std::num::NonZeroU64;
 use std::time::Duration;
 
 use interfaces::Stamp;
@@ -30,6 +31,18 @@ pub fn now() -> Stamp {
 pub fn wall() -> std::time::SystemTime {
     std::time::SystemTime::now()
 }
+
+/// From now on this thread is woken when its time has come, and not up to 50 us later, which is how
+/// long the kernel may otherwise wait to wake several at once.
+pub(crate) fn be_punctual() {
+    // Who is refused is late, as everybody is by default.
+    if let Err(cause) = rustix::thread::set_current_timer_slack(Some(SLACK_MIN)) {
+        tracing::debug!(%cause, "wakes up to 50 us late");
+    }
+}
+
+/// [ns] The least that is not the default.
+const SLACK_MIN: NonZeroU64 = NonZeroU64::MIN;
 
 /// Sleeps for `duration`, or less where a signal arrives.
 pub fn nap(duration: Duration) {

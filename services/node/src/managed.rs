@@ -75,6 +75,9 @@ pub struct Node<'a> {
 /// Runs `body` as a managed node until it is shut down. `body` opens its ports and then loops over
 /// [`Node::tick`]; it is called anew for every `configure`.
 pub fn run_with(settings: &Settings, body: impl FnMut(&mut Node<'_>) -> Result) -> Result {
+    if settings.clock() == Clock::Realtime {
+        clock::be_punctual();
+    }
     let namespace = settings.namespace()?;
     // Before it joins, so that whoever sweeps finds nobody, or is kept off.
     let _share = if settings.autostart() { namespace.share()? } else { None };
