@@ -2,6 +2,7 @@
 
 #![forbid(unsafe_code)]
 
+mod alone;
 mod check;
 
 use std::process::ExitCode;
@@ -44,7 +45,7 @@ fn main() -> ExitCode {
     let verb = Command::parse().verb.or_else(|| Command::parse_from(main_job).verb);
     match verb.unwrap_or_else(|| unreachable!("the main job is a verb")) {
         Verb::Robot(verb) => verb.run(check::check),
-        Verb::Bench(options) => node::exit_code("teseo bench", bench::run(&options)),
+        Verb::Bench(options) => node::exit_code("teseo bench", bench::run(&options, alone::drive)),
         Verb::Simulator(arguments) => node::start(&arguments, "simulator", simulator::run),
         Verb::Odometry(arguments) => node::start(&arguments, "odometry", odometry::run),
         Verb::Pairing(arguments) => node::start(&arguments, "pairing", supervisor::pairing),

@@ -51,6 +51,14 @@ fn a_whole_robot_is_measured_and_nothing_of_it_is_left() {
 }
 
 #[test]
+fn the_same_loop_runs_in_one_process() {
+    let robot = Robot::new();
+    let ended =
+        robot.start(&["bench", "lockstep", "--quick", "--only=one process", "--csv"]).wait();
+    ended.assert_code(0).assert_says(&["steps a second, one process, 240 beams"]);
+}
+
+#[test]
 fn what_was_not_measured_is_told() {
     let robot = Robot::new();
     let ended = robot.start(&["bench", "hop", "--quick", "--only=nobody"]).wait();

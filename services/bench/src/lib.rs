@@ -106,8 +106,12 @@ pub(crate) enum Effort {
 /// [-] Rounds of a quick look.
 const ROUNDS_QUICK: u32 = 2;
 
+/// Drives so many steps of the lab's loop with so many beams, in this process; returns how far, in m.
+/// The binary tells it, since no service knows the others.
+pub type Drive = fn(u64, usize) -> Result<f64>;
+
 /// Measures, and prints what was found.
-pub fn run(options: &Options) -> Result {
+pub fn run(options: &Options, drive: Drive) -> Result {
     if let Some(part) = &options.part {
         return peers::play(part);
     }
@@ -117,7 +121,7 @@ pub fn run(options: &Options) -> Result {
     let old = options.compare.as_deref().map(read).transpose()?;
     let mut book = match &options.from {
         Some(path) => read(path)?,
-        None => measure(options)?,
+        None => measure(options, drive)?,
     };
     book.headline = Headline::of(&book.figures, options.contaminated_max);
     let mut text = if options.json {
@@ -156,14 +160,14 @@ fn read(path: &Path) -> Result<Book> {
 }
 
 /// Every configuration once in each round, so that all of them meet the same machine.
-fn measure(options: &Options) -> Result<Book> {
+fn measure(options: &Options, drive: Drive) -> Result<Book> {
     signal::listen();
     clear_after_the_dead();
     let cores = peers::cores();
     let mut card = Card::of_this_machine(cores.len());
     let (effort, rounds) =
         if options.quick { (Effort::Quick, ROUNDS_QUICK) } else { (Effort::Whole, options.rounds) };
-    let (mut works, absent) = work::configurations(&options.rows, cores.len());
+    let (mut works, absent) = work::configurations(&options.rows, cores.len(), drive);
     if let Some(only) = &options.only {
         works.retain(|work| work.collected().iter().any(|figure| figure.is_called(only)));
         if works.is_empty() {

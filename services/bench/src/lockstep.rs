@@ -1,11 +1,11 @@
 //! Lock-step: how many steps four processes make in a second, and how that grows with the world.
 
-use node::{Error, Namespace, Result, Wait};
+use node::{Error, Namespace, Result, Wait, clock};
 
-use crate::Effort;
 use crate::hop::Place;
 use crate::measured::{Unit, Values};
 use crate::robot::Robot;
+use crate::{Drive, Effort};
 
 /// Robots in one world each, all at once.
 #[derive(Debug, Clone, Copy)]
@@ -83,5 +83,43 @@ impl Lockstep {
             factor += figure(&report["real_time_factor"])?;
         }
         Ok(vec![Values::One(steps), Values::One(factor)])
+    }
+}
+
+/// The same loop in one process, without any transport.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Alone {
+    drive: Drive,
+    beams: usize,
+}
+
+/// [-] Steps of one round.
+const STEPS: u64 = 20_000;
+
+/// [-] The same, for a quick look.
+const STEPS_QUICK: u64 = 500;
+
+/// By how many beams the LiDAR has.
+pub(crate) fn alone(drive: Drive) -> [Alone; 3] {
+    [60, BEAMS, 480].map(|beams| Alone { drive, beams })
+}
+
+impl Alone {
+    pub(crate) fn name(&self) -> String {
+        format!("steps a second, one process, {} beams", self.beams)
+    }
+
+    pub(crate) fn measure(&self, effort: Effort) -> Result<Values> {
+        let steps = match effort {
+            Effort::Whole => STEPS,
+            Effort::Quick => STEPS_QUICK,
+        };
+        let begun = clock::now();
+        let distance = (self.drive)(steps, self.beams)?;
+        let took = clock::now().since(begun).as_secs_f64();
+        if distance <= 0.0 {
+            return Err(Error::Fault("the robot did not move".to_owned()));
+        }
+        Ok(Values::One(steps as f64 / took))
     }
 }

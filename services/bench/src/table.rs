@@ -17,7 +17,10 @@ const ROWS: [(&str, &str); 5] = [
         "the whole loop in real time, as its nodes tell it: the age of a scan, where the median is that \
          of the rounds' medians",
     ),
-    ("lockstep", "lock-step, four processes, the lab's maze, no noise"),
+    (
+        "lockstep",
+        "lock-step in the lab's maze, no noise: four processes and the supervisor, or all in one process",
+    ),
     ("cost", "what a robot takes"),
 ];
 

@@ -5,11 +5,11 @@ use node::{Namespace, Result};
 use crate::chain::{self, Chain};
 use crate::cost::{self, Cost};
 use crate::hop::{self, Hop};
-use crate::lockstep::{self, Lockstep};
+use crate::lockstep::{self, Alone, Lockstep};
 use crate::measured::{Collected, Unit, Values};
 use crate::pairing::{self, Core};
 use crate::ticket::Payload;
-use crate::{Effort, Row};
+use crate::{Drive, Effort, Row};
 
 /// One thing to measure; it yields one figure or more.
 #[derive(Debug)]
@@ -24,12 +24,14 @@ pub(crate) enum Work {
     Chain(Chain),
     /// A robot in lock-step.
     Lockstep(Lockstep),
+    /// The same loop in one process.
+    Alone(Alone),
     /// What a robot costs.
     Cost(Cost),
 }
 
 /// All of `rows`, or of every row where there are none, and what is left out, with the reason.
-pub(crate) fn configurations(rows: &[Row], cores: usize) -> (Vec<Work>, Vec<String>) {
+pub(crate) fn configurations(rows: &[Row], cores: usize, drive: Drive) -> (Vec<Work>, Vec<String>) {
     let (mut works, mut absent) = (Vec::new(), Vec::new());
     let is_asked = |row| rows.is_empty() || rows.contains(&row);
     if is_asked(Row::Hop) {
@@ -50,6 +52,7 @@ pub(crate) fn configurations(rows: &[Row], cores: usize) -> (Vec<Work>, Vec<Stri
     }
     if is_asked(Row::Lockstep) {
         works.extend(lockstep::configurations().into_iter().map(Work::Lockstep));
+        works.extend(lockstep::alone(drive).map(Work::Alone));
         absent.push(
             "lock-step with several robots in one world: robots are in a world each".to_owned(),
         );
@@ -73,6 +76,9 @@ impl Work {
                 let names = lockstep.names();
                 names.map(|(name, unit)| Collected::new("lockstep", name, unit)).into()
             }
+            Self::Alone(alone) => {
+                vec![Collected::new("lockstep", alone.name(), Unit::PerSecond)]
+            }
             Self::Cost(cost) => {
                 let names = cost.names().into_iter();
                 names.map(|(name, unit)| Collected::new("cost", name, unit)).collect()
@@ -88,6 +94,7 @@ impl Work {
             Self::Ticket(payload) => Ok(payload.measure(namespace, effort)?.into()),
             Self::Chain(chain) => chain.measure(namespace, effort),
             Self::Lockstep(lockstep) => lockstep.measure(namespace, effort),
+            Self::Alone(alone) => Ok(vec![alone.measure(effort)?]),
             Self::Cost(cost) => cost.measure(namespace, effort),
         }
     }
