@@ -33,11 +33,12 @@ const ROUND_TRIP_MAX: Duration = Duration::from_secs(320);
 
 /// Seeds and beams of robots that turned on the spot, or pushed against a wall, until the end of time:
 /// they believed in a corridor that was narrower than they were, or kept a course that no wall had.
-const LOST: [(u64, usize); 8] = [
+const LOST: [(u64, usize); 9] = [
     (126, 60),
     (1364, 60),
     (3279, 60),
     (3896, 60),
+    (117, 240),
     (508, 240),
     (541, 240),
     (609, 240),
