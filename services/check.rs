@@ -9,6 +9,7 @@ pub(crate) fn check(settings: &Settings) -> Option<node::Result> {
         "odometry" => Some(odometry::check(settings)),
         "controller" => Some(controller::check(settings)),
         "multiplexer" => Some(multiplexer::check(settings)),
+        "turtlebot3" => Some(turtlebot3::check(settings)),
         _ => None,
     }
 }

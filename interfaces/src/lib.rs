@@ -8,6 +8,7 @@
 mod lifecycle;
 mod messages;
 mod motion;
+mod sensors;
 mod status;
 mod text;
 mod time;
@@ -19,6 +20,7 @@ pub use messages::{
     VelocityCommand,
 };
 pub use motion::{MotionRequest, MotionState, Permission, REJECTIONS_MAX, StopCause};
+pub use sensors::{BatteryState, BoardRequest, Imu, SensorState};
 pub use status::{NodeStatus, Outcome, PORTS_MAX, PortStatus, VALUES_MAX, Value};
 pub use text::Text;
 pub use time::Stamp;

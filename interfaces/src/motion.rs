@@ -48,6 +48,8 @@ pub enum StopCause {
     SupervisorLost = 4,
     /// Whoever drives the wheels was told to let go.
     Paused = 5,
+    /// Whoever drives the wheels cannot reach them.
+    DriveLost = 6,
 }
 
 impl StopCause {
@@ -60,6 +62,7 @@ impl StopCause {
             Self::EmergencyStop => "emergency stop",
             Self::SupervisorLost => "supervisor lost",
             Self::Paused => "paused",
+            Self::DriveLost => "drive lost",
         }
     }
 }
@@ -75,6 +78,7 @@ impl TryFrom<u8> for StopCause {
             Self::EmergencyStop,
             Self::SupervisorLost,
             Self::Paused,
+            Self::DriveLost,
         ]
         .into_iter()
         .find(|&cause| cause as u8 == number)

@@ -5,6 +5,10 @@
 //! | `scan` | `LaserScan` | `base_scan` | once per simulated step, or the LiDAR's own | simulator or bridge |
 //! | `joint_states` | `JointState` | | once per simulated step, or 50 Hz | simulator or bridge |
 //! | `robot_pose` | `Pose` | `odom` | as `joint_states`, for robots that report only a pose | simulator or bridge |
+//! | `imu` | `Imu` | `imu_link` | as `joint_states`, just before each | bridge |
+//! | `battery_state` | `BatteryState` | | 1 Hz | bridge |
+//! | `sensor_state` | `SensorState` | | 10 Hz and by change | bridge |
+//! | `board_request` | `BoardRequest` | | by request | anybody |
 //! | `odom` | `Odometry` | `odom`, twist in `base_link` | one per measurement | odometry |
 //! | `sensor_pair` | `SensorPair` | | one per pair | supervisor |
 //! | `cmd_vel` | `VelocityCommand` | `base_link` | one per pair, or the controller's period | controller or multiplexer |
@@ -27,8 +31,9 @@ use bytemuck::Pod;
 use iceoryx2::prelude::ZeroCopySend;
 
 use crate::{
-    ChangeState, Header, JointState, LaserScan, MotionRequest, MotionState, NodeStatus, Odometry,
-    Pose, SensorPair, TransitionEvent, VelocityCommand,
+    BatteryState, BoardRequest, ChangeState, Header, Imu, JointState, LaserScan, MotionRequest,
+    MotionState, NodeStatus, Odometry, Pose, SensorPair, SensorState, TransitionEvent,
+    VelocityCommand,
 };
 
 /// A sample that can travel on a topic.
@@ -55,7 +60,10 @@ macro_rules! messages {
 }
 
 messages!(
+    BatteryState,
+    BoardRequest,
     ChangeState,
+    Imu,
     JointState,
     LaserScan,
     MotionRequest,
@@ -64,6 +72,7 @@ messages!(
     Odometry,
     Pose,
     SensorPair,
+    SensorState,
     TransitionEvent,
     VelocityCommand
 );
@@ -148,6 +157,9 @@ const DEPTH: usize = 10;
 /// Two periods of the lab's 20 Hz may go missing before data is stale.
 const DEADLINE: Duration = Duration::from_millis(150);
 
+/// Two periods of 10 Hz may go missing before data is stale.
+const DEADLINE_SLOW: Duration = Duration::from_millis(300);
+
 /// Longer than any of the supervisor's own pauses.
 const DEADLINE_LIFECYCLE: Duration = Duration::from_secs(5);
 
@@ -161,6 +173,21 @@ pub const JOINT_STATES: Topic<JointState> =
 /// The pose that the robot itself reports, where it reports no wheels.
 pub const ROBOT_POSE: Topic<Pose> =
     Topic::new("robot_pose", DEPTH, DEADLINE, "simulator or bridge");
+
+/// How the robot stands and is moved; the sample with a wheels' stamp is there before them.
+pub const IMU: Topic<Imu> = Topic::new("imu", DEPTH, DEADLINE, "bridge");
+
+/// The battery.
+pub const BATTERY_STATE: Topic<BatteryState> =
+    Topic::new("battery_state", 4, DEADLINE_LIFECYCLE, "bridge").latched();
+
+/// Buttons, bumpers and motors.
+pub const SENSOR_STATE: Topic<SensorState> =
+    Topic::new("sensor_state", DEPTH, DEADLINE_SLOW, "bridge");
+
+/// What the robot's board is asked.
+pub const BOARD_REQUEST: Topic<BoardRequest> =
+    Topic::new("board_request", 4, DEADLINE_LIFECYCLE, "anybody");
 
 /// Pose and velocity from odometry.
 pub const ODOMETRY: Topic<Odometry> = Topic::new("odom", DEPTH, DEADLINE, "odometry");

@@ -51,6 +51,9 @@ pub struct DeadMan {
     state: State,
     newest: Newest,
     estopped: bool,
+    has_drive: bool,
+    /// Whether commands have ever moved it.
+    has_driven: bool,
     rearms: Rearms,
     report: Report,
 }
@@ -104,6 +107,8 @@ impl DeadMan {
             state: State::Waiting,
             newest: Newest::default(),
             estopped: false,
+            has_drive: true,
+            has_driven: false,
             rearms: Rearms::default(),
             report: Report { changes: 1, ..Report::default() },
         };
@@ -142,6 +147,7 @@ impl DeadMan {
             }
         }
         self.rearm(now);
+        self.has_driven |= matches!(self.state, State::Driving { .. });
         Ok(())
     }
 
@@ -173,6 +179,29 @@ impl DeadMan {
             // What was sent into the latch has shown nobody's health.
             *stream = None;
         }
+    }
+
+    /// Says at `now` whether the wheels can be reached, as they can where nothing was said. While they
+    /// cannot the robot is stopped; after that it has to be armed again, by itself where it may.
+    pub fn set_drive(&mut self, now: Stamp, is_there: bool) {
+        if is_there == self.has_drive {
+            return;
+        }
+        self.look(now);
+        self.has_drive = is_there;
+        if !is_there {
+            self.stop(now, StopCause::DriveLost);
+            return;
+        }
+        if let State::Stopped { stream, .. } = &mut self.state {
+            // What was sent to wheels that nobody could reach has shown nobody's health.
+            *stream = None;
+        }
+    }
+
+    /// Whether commands move the robot at `now`, and the last one is not too old.
+    pub fn is_fed(&self, now: Stamp) -> bool {
+        self.due().is_some_and(|due| now <= due)
     }
 
     /// Nobody looks after this robot any more: it stops for good.
@@ -291,7 +320,7 @@ impl DeadMan {
         };
         let needs_person = match (&self.state, cause) {
             (State::Stopped { needs_person, .. }, _) => *needs_person,
-            (State::Waiting | State::Driving { .. }, StopCause::Silence) => {
+            (State::Driving { .. }, StopCause::Silence | StopCause::DriveLost) => {
                 let window = Duration::from_secs_f64(self.config.rearm_window_s);
                 self.rearms.within(now, window) == REARMS_MAX
             }
@@ -301,9 +330,11 @@ impl DeadMan {
             StopCause::EmergencyStop | StopCause::SupervisorLost => {
                 self.config.emergency_deceleration()
             }
-            StopCause::None | StopCause::NotArmed | StopCause::Silence | StopCause::Paused => {
-                self.config.deceleration()
-            }
+            StopCause::None
+            | StopCause::NotArmed
+            | StopCause::Silence
+            | StopCause::Paused
+            | StopCause::DriveLost => self.config.deceleration(),
         };
         let braking = Braking::new(now, motion, rate);
         self.state = State::Stopped { braking, stream: None, needs_person };
@@ -322,9 +353,12 @@ impl DeadMan {
         let is_healthy = self.config.rearm_after() <= now.since(stream.since);
         let is_for_good =
             matches!(self.report.cause, StopCause::SupervisorLost | StopCause::Paused);
-        let is_over = !self.estopped && !is_for_good;
+        let is_over = !self.estopped && self.has_drive && !is_for_good;
         if is_healthy && is_over && braking.motion(now).is_zero() {
-            if self.report.cause == StopCause::Silence {
+            // Who waited for its wheels at the start has not been stopped in motion.
+            let was_stopped =
+                matches!(self.report.cause, StopCause::Silence | StopCause::DriveLost);
+            if self.has_driven && was_stopped {
                 self.rearms.note(now);
             }
             self.state = State::Driving { heard: stream.heard, motion: stream.motion };

@@ -4,6 +4,7 @@ mod ports;
 mod rhythm;
 mod telling;
 
+use std::os::fd::AsFd;
 use std::time::Duration;
 
 use interfaces::topics::{CHANGE_STATE, STATUS, TRANSITION_EVENT};
@@ -202,6 +203,12 @@ impl<'a> Node<'a> {
     /// `NAME_p50_us` and so on.
     pub fn latency(&mut self, name: &str) -> Latency {
         self.figures.latency(name)
+    }
+
+    /// From now on a turn comes whenever more can be read from `file`, such as a serial port, until
+    /// that is closed. The node reads it to its end in each turn.
+    pub fn watch(&self, file: impl AsFd) -> std::io::Result<()> {
+        self.waiter.watch(file)
     }
 
     /// The next turn comes at `moment`, unless something brings it before.

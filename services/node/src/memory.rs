@@ -1,8 +1,8 @@
 //! Memory: how much of it a robot shares, and keeping it from ever being paged.
 
 use interfaces::topics::{
-    AUTONOMY_COMMAND, CHANGE_STATE, JOINT_STATES, ODOMETRY, POSE, ROBOT_POSE, SCAN, SENSOR_PAIR,
-    STATUS, TELEOP_COMMAND, TRANSITION_EVENT, VELOCITY_COMMAND,
+    AUTONOMY_COMMAND, BATTERY_STATE, CHANGE_STATE, IMU, JOINT_STATES, ODOMETRY, POSE, ROBOT_POSE,
+    SCAN, SENSOR_PAIR, SENSOR_STATE, STATUS, TELEOP_COMMAND, TRANSITION_EVENT, VELOCITY_COMMAND,
 };
 use interfaces::{Message, Topic};
 use rustix::mm::{MlockAllFlags, mlockall};
@@ -54,6 +54,9 @@ pub(crate) fn need(launch: &Launch) -> u64 {
     let of_robot = segment(&SCAN)
         + segment(&JOINT_STATES)
         + segment(&ROBOT_POSE)
+        + segment(&IMU)
+        + segment(&BATTERY_STATE)
+        + segment(&SENSOR_STATE)
         + segment(&ODOMETRY)
         + segment(&SENSOR_PAIR)
         + segment(&VELOCITY_COMMAND)

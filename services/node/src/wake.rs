@@ -1,10 +1,12 @@
 //! Waking and being woken: every process has one channel, and every publisher knows its readers'.
 
 mod bell;
+mod files;
 mod patience;
 
-use std::cell::{Cell, RefCell};
+use std::cell::{Cell, OnceCell, RefCell};
 use std::collections::BTreeMap;
+use std::os::fd::AsFd;
 use std::rc::Rc;
 
 use iceoryx2::prelude::ipc;
@@ -13,6 +15,7 @@ use serde::Deserialize;
 
 use crate::{Namespace, Result, Session, clock};
 use bell::Bell;
+use files::Files;
 use patience::Patience;
 
 /// How a process waits for the next sample: the choice between latency and a core.
@@ -114,12 +117,15 @@ pub struct Waiter<'a> {
     /// [-] Rings that this process has risen for.
     seen: Cell<u32>,
     patience: Cell<Patience>,
+    session: &'a Session,
+    files: OnceCell<Files>,
 }
 
 impl Waiter<'_> {
     /// Waits until somebody wakes this process, a signal arrives, or it is `until`. Where the process
     /// looks for itself instead of being woken, `has_come` tells whether there is something.
     pub fn wait(&self, until: Stamp, has_come: impl Fn() -> Result<bool>) -> Result {
+        let has_come = || Ok(self.files.get().is_some_and(Files::have_come) || has_come()?);
         match self.mode {
             Wait::Block => self.block(until),
             Wait::Yield => look(until, has_come, rustix::thread::sched_yield).map(drop),
@@ -127,7 +133,7 @@ impl Waiter<'_> {
             Wait::Hybrid => {
                 let patience = self.patience.get();
                 let enough = until.min(clock::now().after(patience.length()));
-                let found = look(enough, &has_come, std::hint::spin_loop)?;
+                let found = look(enough, has_come, std::hint::spin_loop)?;
                 self.patience.set(patience.after(found));
                 if found || until <= clock::now() {
                     return Ok(());
@@ -137,6 +143,19 @@ impl Waiter<'_> {
                 if has_come()? { Ok(()) } else { self.block(until) }
             }
         }
+    }
+
+    /// From now on the process wakes whenever more can be read from `file`, until that is closed.
+    /// Like every event, that is a hint: what was there before is told once, if at all.
+    pub(crate) fn watch(&self, file: impl AsFd) -> std::io::Result<()> {
+        let files = match self.files.get() {
+            Some(files) => files,
+            None => {
+                let files = Files::new(self.session)?;
+                self.files.get_or_init(|| files)
+            }
+        };
+        files.add(file)
     }
 
     /// Sleeps until somebody wakes this process, a signal arrives, or it is `until`. Whoever was woken
@@ -167,7 +186,14 @@ impl Session {
         let bell = &Bell::open(self.prefix(), self.name())?;
         // What has come before is looked at first.
         let seen = Cell::new(bell.rings().wrapping_sub(1));
-        body(&Waiter { mode, bell, seen, patience: Cell::default() })
+        body(&Waiter {
+            mode,
+            bell,
+            seen,
+            patience: Cell::default(),
+            session: self,
+            files: OnceCell::new(),
+        })
     }
 }
 

@@ -22,6 +22,7 @@ pub type Heard = (Sample<VelocityCommand>, std::result::Result<(), Rejection>);
 pub struct Wheels {
     config: Config,
     dead_man: DeadMan,
+    has_drive: bool,
     commands: Subscriber<VelocityCommand>,
     requests: Subscriber<MotionRequest>,
     state: Publisher<MotionState>,
@@ -41,6 +42,7 @@ impl Wheels {
         Ok(Self {
             config: *config,
             dead_man: DeadMan::new(config),
+            has_drive: true,
             commands: node.subscribe(&VELOCITY_COMMAND)?,
             requests: node.subscribe(&MOTION_REQUEST)?,
             state: node.publish_on_event(&MOTION_STATE)?,
@@ -57,6 +59,7 @@ impl Wheels {
     /// The node was activated: nothing that was before counts.
     pub fn restart(&mut self) {
         self.dead_man = DeadMan::new(&self.config);
+        self.dead_man.set_drive(Stamp::ZERO, self.has_drive);
         self.told = 0;
     }
 
@@ -107,6 +110,18 @@ impl Wheels {
         let motion = self.dead_man.motion(time);
         self.tell(time)?;
         Ok(motion)
+    }
+
+    /// Says whether the wheels can be reached; where nothing is said, they can.
+    pub fn set_drive(&mut self, time: Stamp, is_there: bool) -> Result {
+        self.has_drive = is_there;
+        self.dead_man.set_drive(time, is_there);
+        self.tell(time)
+    }
+
+    /// Whether commands move the robot, and the last one is not too old.
+    pub fn is_fed(&self, time: Stamp) -> bool {
+        self.dead_man.is_fed(time)
     }
 
     /// Whether the wheels are held at zero.

@@ -11,6 +11,10 @@ use serde::Deserialize;
 pub struct Config {
     /// What the robot reports.
     pub source: Source,
+    /// Where the heading comes from, if the robot reports its wheels.
+    pub heading: Heading,
+    /// Which way a robot turns whose right wheel is faster than its left.
+    pub faster_right: Turning,
     /// [m] Radius of a wheel.
     pub wheel_radius_m: f64,
     /// [m] Between the two wheels.
@@ -39,10 +43,45 @@ pub enum Source {
     Poses,
 }
 
+/// Where the heading comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Heading {
+    /// The wheels' difference: exact until one slips.
+    #[default]
+    Wheels,
+    /// The orientation on `imu`, where there is one with the wheels' stamp; else the wheels. It does
+    /// not notice slipping wheels, and drifts.
+    Gyro,
+}
+
+/// Which way something turns, seen from above.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Turning {
+    /// To the left, as it should be.
+    #[default]
+    Counterclockwise,
+    /// To the right: the wheels are told in the wrong order.
+    Clockwise,
+}
+
+impl Turning {
+    /// [-] Of its angles.
+    pub(crate) const fn sign(self) -> f64 {
+        match self {
+            Self::Counterclockwise => 1.0,
+            Self::Clockwise => -1.0,
+        }
+    }
+}
+
 impl Default for Config {
     fn default() -> Self {
         Self {
             source: Source::Wheels,
+            heading: Heading::Wheels,
+            faster_right: Turning::Counterclockwise,
             wheel_radius_m: 0.033,
             track_m: 0.160,
             x_m: 0.0,

@@ -6,12 +6,14 @@ mod config;
 mod continuity;
 #[cfg(test)]
 mod fuzz;
+mod heading;
 mod poses;
 mod run;
 mod wheels;
 
-pub use config::{Config, Source};
+pub use config::{Config, Heading, Source, Turning};
 pub use continuity::Rejected;
+pub use heading::{Headings, yaw};
 pub use poses::PoseOdometry;
 pub use run::{check, run};
 pub use wheels::WheelOdometry;

@@ -1,10 +1,10 @@
 //! The process: one measurement in, one odometry sample out.
 
 use interfaces::Odometry;
-use interfaces::topics::{JOINT_STATES, ODOMETRY, ROBOT_POSE};
+use interfaces::topics::{IMU, JOINT_STATES, ODOMETRY, ROBOT_POSE};
 use node::{Clock, Gauge, Node, Refusals, Result, Settings};
 
-use crate::{Config, PoseOdometry, Rejected, Source, WheelOdometry};
+use crate::{Config, Heading, Headings, PoseOdometry, Rejected, Source, WheelOdometry};
 
 /// Runs odometry as a managed node.
 pub fn run(node: &mut Node<'_>) -> Result {
@@ -22,6 +22,12 @@ pub fn check(settings: &Settings) -> Result {
 
 fn from_wheels(node: &mut Node<'_>, config: &Config) -> Result {
     let mut wheels = node.subscribe(&JOINT_STATES)?;
+    // A heading is there before its wheels, which alone wake this node.
+    let mut gyro = match config.heading {
+        Heading::Wheels => None,
+        Heading::Gyro => Some(node.subscribe_quietly(&IMU)?),
+    };
+    let mut headings = Headings::default();
     let mut odometry = node.publish(&ODOMETRY)?;
     let mut gauges = Gauges::new(node);
     let age = (node.clock() == Clock::Realtime).then(|| node.latency("age"));
@@ -29,7 +35,11 @@ fn from_wheels(node: &mut Node<'_>, config: &Config) -> Result {
     let mut sample = Odometry::default();
     while node.tick()?.is_some() {
         while let Some(wheels) = wheels.receive()? {
-            match core.update(&wheels, &mut sample) {
+            while let Some(imu) = gyro.as_mut().map_or(Ok(None), node::Subscriber::receive)? {
+                headings.keep(&imu);
+            }
+            let heading = headings.find(wheels.header.stamp);
+            match core.update_with(&wheels, heading, &mut sample) {
                 Ok(()) => {
                     gauges.accept(node, &sample);
                     odometry.send(sample)?;

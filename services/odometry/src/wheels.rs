@@ -17,6 +17,9 @@ const ANGLE_MAX: f64 = 1e9;
 pub struct WheelOdometry {
     wheel_radius: f64,
     track: f64,
+    turn_sign: f64,
+    /// [rad] What a gyro said beside the last good sample.
+    heading: Option<f64>,
     odom_from_base: Isometry2<f64>,
     yaw: f64,
     speed_max: f64,
@@ -32,6 +35,8 @@ impl WheelOdometry {
         Self {
             wheel_radius: config.wheel_radius_m,
             track: config.track_m,
+            turn_sign: config.faster_right.sign(),
+            heading: None,
             odom_from_base: Isometry2::from_parts(
                 Vector2::new(config.x_m, config.y_m).into(),
                 rotation(yaw),
@@ -53,6 +58,18 @@ impl WheelOdometry {
     /// sample loses no distance. Where stamps have jumped, the second sample after that is believed;
     /// the way since the last good one counts, unless the angles have jumped too.
     pub fn update(&mut self, wheels: &JointState, odometry: &mut Odometry) -> Result<(), Rejected> {
+        self.update_with(wheels, None, odometry)
+    }
+
+    /// The same where a gyro tells the heading [rad], whose zero is anywhere, at the sample's stamp:
+    /// from one sample that has a heading to the next, it is the gyro that says how far the robot
+    /// has turned. What no robot turns it does not say.
+    pub fn update_with(
+        &mut self,
+        wheels: &JointState,
+        heading: Option<f64>,
+        odometry: &mut Odometry,
+    ) -> Result<(), Rejected> {
         self.check(wheels)?;
         let speed_max = self.speed_max;
         let base = self.angles.judge(&wheels.header, wheels.position, |from, to, dt| {
@@ -70,8 +87,16 @@ impl WheelOdometry {
                 (way, turned(&value, now).map(|angle| angle / dt))
             }
         };
-        let (distance, turn) = self.forward(way);
-        let (linear, angular) = self.forward(speed);
+        let (distance, mut turn) = self.forward(way);
+        let (linear, mut angular) = self.forward(speed);
+        let before = std::mem::replace(&mut self.heading, heading);
+        if let (Base::Last { dt, .. }, Some(before), Some(heading)) = (base, before, heading) {
+            let turned = wrapped(heading - before);
+            let turn_max = 2.0 * self.wheel_radius * speed_max / self.track * dt;
+            if turned.abs() <= turn_max {
+                (turn, angular) = (turned, turned / dt);
+            }
+        }
         self.advance(distance, turn);
         odometry.header.stamp = wheels.header.stamp;
         odometry.x = self.odom_from_base.translation.x;
@@ -109,7 +134,7 @@ impl WheelOdometry {
     fn forward(&self, wheels: [f64; 2]) -> (f64, f64) {
         let along = self.wheel_radius / 2.0 * (wheels[LEFT] + wheels[RIGHT]);
         let about = self.wheel_radius / self.track * (wheels[RIGHT] - wheels[LEFT]);
-        (along, about)
+        (along, self.turn_sign * about)
     }
 
     fn advance(&mut self, distance: f64, turn: f64) {
@@ -185,6 +210,47 @@ mod tests {
             assert!((end.linear - linear).abs() < 1e-9);
             assert!((end.angular - angular).abs() < 1e-9);
         }
+    }
+
+    // Broken on purpose: without wrapping, the gyro's turn across PI was 6.2 rad, and refused.
+    #[test]
+    fn a_gyro_says_how_far_the_robot_has_turned_whatever_the_wheels_do() {
+        // The wheels slip: they tell twice the turn.
+        for (start, zero) in [(0.0, 0.0), (3.0, 0.0), (0.0, 3.1), (-3.0, -1.0)] {
+            let mut core = WheelOdometry::new(&Config { yaw_rad: start, ..Config::default() });
+            let mut odometry = Odometry::default();
+            for step in 0..=80 {
+                let time = f64::from(step) * 0.05;
+                let heading = Some(wrapped(zero + 0.25 * time));
+                core.update_with(&wheels(0.1, 0.5, time), heading, &mut odometry).unwrap();
+            }
+            assert!(wrapped(odometry.yaw - start - 1.0).abs() < 1e-9, "{start}: {}", odometry.yaw);
+            assert!((odometry.angular - 0.25).abs() < 1e-9, "{start}: {}", odometry.angular);
+            assert!((odometry.linear - 0.1).abs() < 1e-9, "{start}: {}", odometry.linear);
+        }
+    }
+
+    #[test]
+    fn where_the_gyro_is_silent_or_mad_the_wheels_say_it() {
+        let mut core = WheelOdometry::new(&Config::default());
+        let mut odometry = Odometry::default();
+        for step in 0..=80_u8 {
+            let time = f64::from(step) * 0.05;
+            let heading = [None, Some(0.5 * time), Some(0.5 * time + 2.0)][usize::from(step % 3)];
+            core.update_with(&wheels(0.1, 0.5, time), heading, &mut odometry).unwrap();
+        }
+        assert!((odometry.yaw - 2.0).abs() < 1e-9, "{}", odometry.yaw);
+    }
+
+    #[test]
+    fn a_robot_whose_wheels_are_told_in_the_wrong_order_turns_the_other_way() {
+        let config = Config { faster_right: crate::Turning::Clockwise, ..Config::default() };
+        let mut core = WheelOdometry::new(&config);
+        let mut odometry = Odometry::default();
+        for time in [0.0, 0.05] {
+            core.update(&wheels(0.1, 0.5, time), &mut odometry).unwrap();
+        }
+        assert!((odometry.angular + 0.5).abs() < 1e-9 && (odometry.linear - 0.1).abs() < 1e-9);
     }
 
     #[test]

@@ -115,6 +115,13 @@ impl Simulator {
         self.lidar.sense(&self.walls, &self.world_from_base, scan);
     }
 
+    /// [m] One beam from where the LiDAR is, `angle` [rad] counterclockwise from straight ahead, with
+    /// the noise of a beam: infinity where there is no wall in range, NaN where it fails. For a
+    /// LiDAR that measures beam by beam while the robot moves.
+    pub fn range(&mut self, angle: f64) -> f64 {
+        self.lidar.range(&self.walls, &self.world_from_base, angle)
+    }
+
     /// Holds somebody's estimate, in the world's frame, against the truth, and remembers whether it
     /// was localized: only then the goal counts.
     pub fn check_estimate(&mut self, estimate: &Pose) -> PoseError {

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use fearless_simd::dispatch;
 use interfaces::LaserScan;
-use nalgebra::Isometry2;
+use nalgebra::{Isometry2, Vector2};
 
 use crate::Config;
 use crate::geometry::Walls;
@@ -19,6 +19,8 @@ const BEYOND: f64 = 1e-6;
 pub(crate) struct Lidar {
     base_from_scan: Isometry2<f64>,
     raster: Raster,
+    /// [m] How far a beam is followed.
+    reach: f64,
     /// What is the same in every scan; only the header and the ranges differ.
     blank: LaserScan,
     noise: RangeNoise,
@@ -27,9 +29,11 @@ pub(crate) struct Lidar {
 impl Lidar {
     pub(crate) fn new(config: &Config) -> Self {
         let lidar = &config.lidar;
+        let reach = lidar.range_max_m * (1.0 + BEYOND);
         Self {
             base_from_scan: Isometry2::translation(lidar.sensor_x_m, 0.0),
-            raster: Raster::new(lidar.beams, lidar.range_max_m * (1.0 + BEYOND)),
+            raster: Raster::new(lidar.beams, reach),
+            reach,
             blank: blank(config, TAU / lidar.beams as f64),
             noise: RangeNoise::new(lidar.noise, config.seed),
         }
@@ -54,6 +58,20 @@ impl Lidar {
         }
         let ranges = scan.ranges_mut();
         dispatch!(self.raster.level(), _unit => report(ranges, range_min, range_max));
+    }
+
+    /// One beam, as measured.
+    pub(crate) fn range(
+        &mut self,
+        walls: &Walls,
+        world_from_base: &Isometry2<f64>,
+        angle: f64,
+    ) -> f64 {
+        let world_from_scan = world_from_base * self.base_from_scan;
+        let (sin, cos) = libm::sincos(angle);
+        let origin = world_from_scan.translation.vector.into();
+        let direction = world_from_scan.rotation * Vector2::new(cos, sin);
+        self.noise.measure(walls.cast(origin, direction, self.reach).unwrap_or(f64::INFINITY))
     }
 }
 

@@ -198,6 +198,11 @@ impl Board {
         self.stage != Stage::Running || self.told.is_some_and(Words::is_zero)
     }
 
+    /// What the board was told last, whether it has heard it or not.
+    pub fn asked(&self) -> Words {
+        self.asked
+    }
+
     /// [-] Stretches of bytes so far that were no packet.
     pub fn garbage(&self) -> u64 {
         self.link.garbage()

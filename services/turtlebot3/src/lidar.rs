@@ -62,6 +62,14 @@ impl Model {
         }
     }
 
+    /// [-] Beams of a scan of this turn.
+    pub fn beams(self, turn: &Turn) -> usize {
+        match self {
+            Self::Lds01 => lds01::BEAMS,
+            Self::Lds02 => lds02::beams(turn),
+        }
+    }
+
     /// How long `count` bytes take on its line: ten bits each.
     pub fn transfer(self, count: usize) -> Duration {
         Duration::from_secs_f64(count as f64 * 10.0 / f64::from(self.baud_rate()))

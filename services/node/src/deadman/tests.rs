@@ -73,6 +73,49 @@ impl Drive {
     }
 }
 
+// Broken on purpose: without the drive's part in it, the robot was armed while nobody reached it.
+#[test]
+fn wheels_that_cannot_be_reached_stop_the_robot_and_wait_for_a_stream_of_commands() {
+    let mut drive = Drive::new();
+    drive.send(0.1, 500);
+    assert!(drive.dead_man.is_fed(at(drive.ms)));
+    drive.dead_man.set_drive(at(drive.ms), false);
+    assert!(!drive.dead_man.is_fed(at(drive.ms)));
+    drive.send(0.0, 2_000);
+    assert!(drive.is_held_for(StopCause::DriveLost));
+
+    drive.dead_man.set_drive(at(drive.ms), true);
+    drive.send(0.0, 450);
+    assert!(drive.is_held_for(StopCause::DriveLost));
+    drive.send(0.0, 150);
+    drive.send(0.1, 50);
+    assert_eq!(drive.speed(), 0.1);
+    assert_eq!(drive.state().trips, 0, "it was not silence");
+
+    // Nor is one who drives on without a break moved the moment the wheels are back.
+    drive.dead_man.set_drive(at(drive.ms), false);
+    drive.wait(150);
+    drive.dead_man.set_drive(at(drive.ms), true);
+    drive.send(0.1, 2_000);
+    assert_eq!(drive.speed(), 0.0);
+}
+
+#[test]
+fn a_robot_whose_wheels_come_and_go_waits_for_a_person() {
+    let mut drive = Drive::new();
+    for loss in 1..=4 {
+        drive.send(0.1, 200);
+        drive.dead_man.set_drive(at(drive.ms), false);
+        drive.dead_man.set_drive(at(drive.ms), true);
+        assert_eq!(drive.state().needs_person, u8::from(loss == 4), "{loss}");
+        drive.send(0.0, 800);
+    }
+    assert!(drive.is_held_for(StopCause::DriveLost));
+    drive.dead_man.arm(at(drive.ms));
+    drive.send(0.1, 50);
+    assert_eq!(drive.speed(), 0.1);
+}
+
 #[test]
 fn a_valid_command_is_followed() {
     let mut drive = Drive::new();

@@ -21,8 +21,7 @@ fn scans(model: Model, packets: &[Vec<u8>], spacing: Duration) -> Vec<LaserScan>
             if let Heard::Turn(turn) = heard {
                 let mut scan = LaserScan::default();
                 scan.range.fill(9.0);
-                let beams = if model == Model::Lds01 { lds01::BEAMS } else { lds02::beams(turn) };
-                turn.fill(model, model.range().0, beams, &mut scan);
+                turn.fill(model, model.range().0, model.beams(turn), &mut scan);
                 scans.push(scan);
             }
         }

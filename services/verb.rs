@@ -1,0 +1,61 @@
+//! The verbs of the one executable, and which service does each.
+
+use std::process::ExitCode;
+
+use clap::Subcommand;
+use node::Arguments;
+
+use crate::{check, emulate};
+
+/// What is to be done.
+#[derive(Subcommand)]
+pub(crate) enum Verb {
+    #[command(flatten)]
+    Robot(supervisor::Verb),
+    /// Measure the runtime on this machine
+    Bench(bench::Options),
+    /// Play a robot, for a bridge to talk to
+    Emulate {
+        #[command(subcommand)]
+        robot: emulate::Robot,
+    },
+    /// The world, the drive and the LiDAR
+    Simulator(Arguments),
+    /// Wheels or poses in, pose and velocity out
+    Odometry(Arguments),
+    /// Scan and odometry in, tickets for those that belong together out
+    Pairing(Arguments),
+    /// The wall follower
+    Controller(Arguments),
+    /// Commands of a person and of the controller in, those of the one that drives out
+    Multiplexer(Arguments),
+    /// The bridge to a real TurtleBot3, in the simulator's place
+    Turtlebot3(Arguments),
+    /// Drive a robot from the keyboard, over its autonomy
+    Teleop(teleop::Options),
+}
+
+impl Verb {
+    /// Does it, and says with the exit code how it went.
+    pub(crate) fn run(self) -> ExitCode {
+        match self {
+            Self::Robot(verb) => verb.run(check::check),
+            Self::Bench(options) => {
+                node::exit_code("teseo bench", bench::run(&options, crate::alone::drive))
+            }
+            Self::Emulate { robot } => node::exit_code("teseo emulate", robot.run()),
+            Self::Simulator(arguments) => node::start(&arguments, "simulator", simulator::run),
+            Self::Odometry(arguments) => node::start(&arguments, "odometry", odometry::run),
+            Self::Pairing(arguments) => node::start(&arguments, "pairing", supervisor::pairing),
+            Self::Controller(arguments) => node::start(&arguments, "controller", controller::run),
+            Self::Multiplexer(arguments) => {
+                node::start(&arguments, "multiplexer", multiplexer::run)
+            }
+            Self::Turtlebot3(arguments) => node::start(&arguments, "turtlebot3", turtlebot3::run),
+            Self::Teleop(options) => match supervisor::find(options.robot()) {
+                Ok(robot) => node::exit_code("teseo teleop", teleop::run(&robot, &options)),
+                Err(code) => code,
+            },
+        }
+    }
+}
