@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use clap::Subcommand;
 use node::Arguments;
 
-use crate::{check, emulate};
+use crate::{alone, check, emulate};
 
 /// What is to be done.
 #[derive(Subcommand)]
@@ -41,7 +41,7 @@ impl Verb {
         match self {
             Self::Robot(verb) => verb.run(check::check),
             Self::Bench(options) => {
-                node::exit_code("teseo bench", bench::run(&options, crate::alone::drive))
+                node::exit_code("teseo bench", bench::run(&options, alone::drive))
             }
             Self::Emulate { robot } => node::exit_code("teseo emulate", robot.run()),
             Self::Simulator(arguments) => node::start(&arguments, "simulator", simulator::run),

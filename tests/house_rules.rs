@@ -32,8 +32,9 @@ const WRITERS: [&str; 5] = [
 const COMPOSITES: [&str; 3] = ["Header", "PortStatus", "Value"];
 
 /// Structs that are read leniently, and why.
-const LENIENT: [(&str, &str); 3] = [
+const LENIENT: [(&str, &str); 4] = [
     ("Place", "looks at a few keys of a process that checks all of them itself"),
+    ("Ports", "looks at two keys of a process that checks all of them itself"),
     ("Stream", "recorded by other programs, which may say more"),
     ("Event", "recorded by other programs, which may say more"),
 ];

@@ -9,13 +9,19 @@ mod bad_input;
 #[cfg(test)]
 mod bench;
 #[cfg(test)]
+mod bridge;
+#[cfg(test)]
 mod chaos;
+#[cfg(test)]
+mod conformance;
 #[cfg(test)]
 mod crash_matrix;
 #[cfg(test)]
 mod determinism;
 #[cfg(test)]
 mod doctor;
+#[cfg(test)]
+mod emulated;
 #[cfg(test)]
 mod example;
 #[cfg(test)]

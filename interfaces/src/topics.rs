@@ -154,6 +154,10 @@ impl<T: Message> Topic<T> {
 /// [-] As deep as the lab's queues.
 const DEPTH: usize = 10;
 
+/// [-] A scan of the slowest LiDAR, 5 Hz, is stamped with its first ray and a turn old when it comes;
+/// what the robot did then, at 50 Hz, is still to be found when it is driven by, half a second later.
+const DEPTH_ODOMETRY: usize = 32;
+
 /// Two periods of the lab's 20 Hz may go missing before data is stale.
 const DEADLINE: Duration = Duration::from_millis(150);
 
@@ -190,7 +194,7 @@ pub const BOARD_REQUEST: Topic<BoardRequest> =
     Topic::new("board_request", 4, DEADLINE_LIFECYCLE, "anybody");
 
 /// Pose and velocity from odometry.
-pub const ODOMETRY: Topic<Odometry> = Topic::new("odom", DEPTH, DEADLINE, "odometry");
+pub const ODOMETRY: Topic<Odometry> = Topic::new("odom", DEPTH_ODOMETRY, DEADLINE, "odometry");
 
 /// Tickets for a scan and an odometry sample that belong together.
 pub const SENSOR_PAIR: Topic<SensorPair> = Topic::new("sensor_pair", DEPTH, DEADLINE, "supervisor");

@@ -16,8 +16,8 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Args;
-use node::Error;
 use node::launch::Launch;
+use node::{Error, Settings};
 
 use crate::Check;
 use crate::check::check_all;
@@ -54,7 +54,9 @@ pub(crate) fn doctor(options: &DoctorOptions, check: Check) -> ExitCode {
 fn examine(config: &Path, check: Check) -> Vec<Finding> {
     let launch_file = examine_launch_file(config, check);
     let launch = Launch::read(config, &[]).ok();
-    let needs = launch.as_ref().map(Needs::of);
+    let settings = Settings::of_supervisor(config, &[]).ok();
+    let ports = settings.and_then(|settings| settings.view(needs::BRIDGE));
+    let needs = launch.as_ref().map(|launch| Needs::of(launch, ports));
     let needs = needs.as_ref();
     let machine = Machine::read();
     let robots = Robots::read(&machine.runtime.path);

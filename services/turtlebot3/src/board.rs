@@ -10,9 +10,10 @@ use node::deadman::Motion;
 
 use crate::board_clock::{BoardClock, STANDSTILL_MAX, Told};
 use crate::link::{Failure, Link, Request};
+use crate::packet::{encode, instruction};
 use crate::table::{
     ADDRESS_BLOCK, ADDRESS_COMMAND, ADDRESS_HEARTBEAT, ADDRESS_IMU_RECALIBRATION, ADDRESS_MODEL,
-    ADDRESS_MODEL_NUMBER, ADDRESS_SOUND, ADDRESS_TORQUE, BLOCK, MODEL_NUMBER, Reading, Words,
+    ADDRESS_MODEL_NUMBER, ADDRESS_SOUND, ADDRESS_TORQUE, BLOCK, ID, MODEL_NUMBER, Reading, Words,
 };
 
 /// Between two heartbeats: four may be lost within the firmware's 500 ms.
@@ -176,6 +177,13 @@ impl Board {
         self.told = None;
         self.heartbeat_due = Stamp::ZERO;
         self.gathered = Stamp::ZERO;
+    }
+
+    /// What makes the board stop the wheels, whoever commanded it before and whether it can be
+    /// heard or not.
+    pub fn farewell(out: &mut Vec<u8>) {
+        let nothing = Words::default().to_bytes();
+        encode(ID, instruction::WRITE, &[&ADDRESS_COMMAND.to_le_bytes(), &nothing], out);
     }
 
     /// Takes in what has come from the port.

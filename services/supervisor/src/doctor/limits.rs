@@ -1,5 +1,7 @@
 //! Judges what the system lets this user have: memory, priority, files, ports.
 
+use std::collections::BTreeMap;
+
 use super::finding::{Finding, Level, mebibytes};
 use super::machine::{Machine, User};
 use super::needs::{MemoryLock, Needs};
@@ -108,15 +110,15 @@ pub(super) fn serial_port(machine: &Machine, needs: Option<&Needs>) -> Finding {
     let what = "serial port";
     let user = &machine.user;
     let Some(needs) = needs else { return Finding::ok(what, UNKNOWN_NEED) };
-    if !needs.serial_port {
+    let Some(ports) = &needs.serial_ports else {
         return Finding::ok(what, "no process uses a serial port");
-    }
+    };
     let Some(group) = machine.dialout else {
         let found = "there is no group dialout, to which serial ports belong";
         return Finding::warning(what, found).mend(as_root(user, "groupadd --system dialout"));
     };
     if user.id == 0 || user.groups.contains(&group.id) {
-        return Finding::ok(what, format!("{} may open it", user.name));
+        return present(what, user, ports);
     }
     if group.has_user {
         let found = format!("{} is in group dialout, but not in this session", user.name);
@@ -125,6 +127,20 @@ pub(super) fn serial_port(machine: &Machine, needs: Option<&Needs>) -> Finding {
     let found = format!("{} is not in group dialout, and may not open it", user.name);
     let command = format!("usermod -aG dialout {}", user.name);
     Finding::new(Level::Failure, what, found).mend(as_root(user, &command)).mend("newgrp dialout")
+}
+
+/// Whether they are there.
+fn present(what: &'static str, user: &User, ports: &BTreeMap<String, bool>) -> Finding {
+    let list = |is_there| {
+        let ports = ports.iter().filter(|(_, there)| **there == is_there);
+        ports.map(|(port, _)| port.as_str()).collect::<Vec<_>>().join(" and ")
+    };
+    let (there, absent) = (list(true), list(false));
+    if absent.is_empty() {
+        return Finding::ok(what, format!("{} may open {there}", user.name));
+    }
+    let found = format!("{absent} is not there: plug it in, or name its port");
+    Finding::new(Level::Failure, what, found).mend("ls -l /dev/serial/by-id")
 }
 
 /// The command, for one who may not do it as they are.
@@ -241,12 +257,24 @@ mod tests {
             if !is_member {
                 machine.user.groups.remove(&20);
             }
-            let needs = Needs { serial_port: uses, ..Needs::usual() };
+            let ports = BTreeMap::from([("/dev/ttyACM0".to_owned(), true)]);
+            let needs = Needs { serial_ports: uses.then_some(ports), ..Needs::usual() };
             let finding = serial_port(&machine, Some(&needs));
 
             assert_eq!(finding.level, level, "{finding:?}");
             assert_eq!(finding.mend.first().map(String::as_str), command);
         }
+    }
+
+    #[test]
+    fn a_serial_port_that_is_not_there_is_a_failure_which_names_it() {
+        let ports = [("/dev/ttyACM0", true), ("/dev/ttyUSB0", false)];
+        let ports = ports.map(|(port, is_there)| (port.to_owned(), is_there)).into();
+        let needs = Needs { serial_ports: Some(ports), ..Needs::usual() };
+        let finding = serial_port(&Machine::good(), Some(&needs));
+
+        assert_eq!(finding.level, Level::Failure);
+        assert!(finding.found.starts_with("/dev/ttyUSB0 is not there"), "{finding:?}");
     }
 
     #[test]

@@ -1,9 +1,12 @@
 //! What a launch file asks of a machine.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
 
+use node::config::Parameters;
 use node::launch::Launch;
 use node::{Clock, Namespace};
+use serde::Deserialize;
 
 /// What a launch file asks of a machine.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -16,8 +19,9 @@ pub(super) struct Needs {
     pub(super) priority: Option<u32>,
     /// The processors that processes are bound to, with the process.
     pub(super) processors: BTreeSet<(usize, String)>,
-    /// Whether a process talks to a real robot.
-    pub(super) serial_port: bool,
+    /// The ports of the process that talks to a real robot, and whether each is there; `None` where
+    /// there is no such process.
+    pub(super) serial_ports: Option<BTreeMap<String, bool>>,
 }
 
 /// Whether memory is to be kept from being paged.
@@ -31,11 +35,27 @@ pub(super) enum MemoryLock {
     Demanded,
 }
 
-/// The service behind a serial port.
-const BRIDGE: &str = "turtlebot3";
+/// The service behind serial ports.
+pub(super) const BRIDGE: &str = "turtlebot3";
+
+/// Where that looks for its board and its LiDAR.
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
+#[serde(default)]
+pub(super) struct Ports {
+    board_port: String,
+    lidar_port: String,
+}
+
+impl Default for Ports {
+    fn default() -> Self {
+        Self { board_port: "/dev/ttyACM0".to_owned(), lidar_port: "/dev/ttyUSB0".to_owned() }
+    }
+}
+
+impl Parameters for Ports {}
 
 impl Needs {
-    pub(super) fn of(launch: &Launch) -> Self {
+    pub(super) fn of(launch: &Launch, ports: Option<Ports>) -> Self {
         let processes = || launch.process.iter();
         let bound = processes().flat_map(|process| {
             process.cpu_affinity.iter().map(|&cpu| (cpu, process.name.clone()))
@@ -55,7 +75,11 @@ impl Needs {
             memory_lock,
             priority: processes().filter_map(|process| process.cpu_scheduling_priority).max(),
             processors: bound.collect(),
-            serial_port: processes().any(|process| process.name == BRIDGE),
+            serial_ports: processes().any(|process| process.name == BRIDGE).then(|| {
+                let ports = ports.unwrap_or_default();
+                let ports = [ports.board_port, ports.lidar_port];
+                ports.map(|port| (port.clone(), Path::new(&port).exists())).into()
+            }),
         }
     }
 
@@ -68,7 +92,7 @@ impl Needs {
             memory_lock: MemoryLock::IfAllowed,
             priority: None,
             processors: BTreeSet::new(),
-            serial_port: false,
+            serial_ports: None,
         }
     }
 }

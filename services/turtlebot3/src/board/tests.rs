@@ -1,8 +1,7 @@
 //! A scripted board at the other end of the line.
 
 use super::*;
-use crate::packet::{Decoder, encode, instruction};
-use crate::table::ID;
+use crate::packet::Decoder;
 
 /// One step of the script.
 const STEP: Duration = Duration::from_millis(1);

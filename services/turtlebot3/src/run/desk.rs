@@ -106,6 +106,8 @@ impl BoardDesk {
                     tracing::debug!(%cause, "reads the board by the clock");
                 }
                 self.board.reset();
+                // Whoever drove before may have died in motion.
+                self.stop();
             }
         }
         Ok(())
@@ -302,7 +304,17 @@ impl BoardDesk {
         self.has_torque = has_torque;
     }
 
+    /// Stops the wheels, where the board still hears, without waiting for a word of it.
+    fn stop(&mut self) {
+        self.out.clear();
+        Board::farewell(&mut self.out);
+        // Who has gone has gone.
+        let _ = self.line.write(&self.out);
+        self.out.clear();
+    }
+
     fn lose(&mut self, node: &mut Node<'_>, now: Stamp, why: &str) {
+        self.stop();
         self.line.close(now);
         self.has_drive = false;
         self.told.lost(node, why);

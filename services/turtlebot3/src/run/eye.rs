@@ -8,12 +8,15 @@ use node::{Gauge, Latency, Node, Publisher, Result};
 
 use super::PIECE;
 use super::told::Told;
-use crate::Config;
+use crate::config::{Config, LidarChoice};
 use crate::lidar::{Heard, Lidar, Model};
 use crate::serial::{Line, Refusal};
 
 /// Longer than the pauses of a busy machine; an LDS-01 says something every 3 ms.
 const SILENCE_MAX: Duration = Duration::from_millis(600);
+
+/// [byte] A LiDAR of the model that is listened for has said ten packets by then.
+const BYTES_ENOUGH: u64 = 512;
 
 /// After the port was opened the motor has to come up to speed first.
 const START_MAX: Duration = Duration::from_secs(2);
@@ -23,7 +26,7 @@ pub(super) struct LidarDesk {
     line: Line,
     told: Told,
     lidar: Lidar,
-    finds_out: bool,
+    choice: LidarChoice,
     near_filter: bool,
     range_min: Option<f32>,
     scans: Publisher<LaserScan>,
@@ -31,6 +34,8 @@ pub(super) struct LidarDesk {
     silent_at: Stamp,
     /// [byte] Come since the port was opened.
     bytes: u64,
+    /// Whether the LiDAR is none of the two that we know, as far as we know.
+    has_tried_both: bool,
     /// Whether any of it was a packet.
     is_heard: bool,
     garbage: Gauge,
@@ -44,12 +49,13 @@ impl LidarDesk {
             line: Line::new(&config.lidar_port),
             told: Told::new(node, "LiDAR", "lidar_losses"),
             lidar: Lidar::new(model.unwrap_or(Model::Lds02), config.near_filter),
-            finds_out: model.is_none(),
+            choice: config.lidar,
             near_filter: config.near_filter,
             range_min: config.lidar_range_min_m,
             scans: node.publish(&SCAN)?,
             silent_at: Stamp::ZERO,
             bytes: 0,
+            has_tried_both: false,
             is_heard: false,
             garbage: node.gauge("lidar_garbage"),
             way: node.latency("bytes_to_scan"),
@@ -102,10 +108,11 @@ impl LidarDesk {
                 }
             }
         }
-        if self.line.is_open() && self.silent_at < now {
+        if self.finds_out() && !self.is_heard && BYTES_ENOUGH < self.bytes {
+            self.try_the_other(node, now);
+        } else if self.line.is_open() && self.silent_at < now {
             let why = self.why_silent();
             self.lose(node, now, &why);
-            self.try_the_other();
         }
         Ok(())
     }
@@ -139,12 +146,17 @@ impl LidarDesk {
         Ok(())
     }
 
+    /// Whether nobody has said which LiDAR it is.
+    fn finds_out(&self) -> bool {
+        self.choice == LidarChoice::Auto
+    }
+
     fn why_silent(&self) -> String {
         let label = self.lidar.model().label();
         match (self.bytes, self.is_heard) {
             (0, _) => "it is silent: does it turn, and is this its port?".to_owned(),
             (_, true) => "it fell silent: does it still turn?".to_owned(),
-            (_, false) if self.finds_out => {
+            (_, false) if self.finds_out() => {
                 "what comes is no LiDAR's that we know: is this its port?".to_owned()
             }
             (_, false) => format!("what comes is no {label}'s: set `lidar`, or name its port"),
@@ -156,14 +168,21 @@ impl LidarDesk {
         self.told.lost(node, why);
     }
 
-    /// Listens for the other LiDAR next time, if it is not known which it is.
-    fn try_the_other(&mut self) {
-        if self.finds_out && !self.is_heard {
-            let other = match self.lidar.model() {
-                Model::Lds01 => Model::Lds02,
-                Model::Lds02 => Model::Lds01,
-            };
-            self.lidar = Lidar::new(other, self.near_filter);
+    /// What comes is not this LiDAR's: listens for the other one, at once if that was not tried yet.
+    fn try_the_other(&mut self, node: &mut Node<'_>, now: Stamp) {
+        let other = match self.lidar.model() {
+            Model::Lds01 => Model::Lds02,
+            Model::Lds02 => Model::Lds01,
+        };
+        let is_neither = self.has_tried_both;
+        self.has_tried_both = !is_neither;
+        if is_neither {
+            let why = self.why_silent();
+            self.lose(node, now, &why);
+        } else {
+            self.line.close(Stamp::ZERO);
         }
+        self.bytes = 0;
+        self.lidar = Lidar::new(other, self.near_filter);
     }
 }

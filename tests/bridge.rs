@@ -1,0 +1,278 @@
+//! The bridge to a TurtleBot3, facing an emulated one: what it does when its ports, its board or its
+//! masters fail.
+
+use std::time::Duration;
+
+use interfaces::{Permission, Stamp, StopCause};
+use node::{Session, clock};
+use rustix::process::Signal;
+
+use crate::emulated::{Emulated, occupy};
+use crate::robot::{Robot, Run, alone};
+use crate::witness::Witness;
+
+/// The firmware's watchdog and one of its motor cycles.
+const FIRMWARE: Duration = Duration::from_millis(520);
+
+/// The robot that drives, but restarts nobody, and bears a busy machine.
+const CALM: [(&str, &str); 2] = [("restart = \"on-failure\"\n", ""), ("watchdog_ms = 500\n", "")];
+
+/// A robot that drives along its corridor, and one who watches.
+fn driving<'a>(
+    robot: &'a Robot,
+    emulated: &Emulated,
+    changes: &[(&str, &str)],
+) -> (Run<'a>, Witness) {
+    let launch_file = emulated.launch_file(robot, changes);
+    let run = robot.start_up(&[&launch_file]).await_count("READY", 1);
+    let session = Session::join(&robot.namespace(), "witness", 1).unwrap();
+    let mut witness = Witness::new(&session);
+    witness.await_state(Permission::Armed, StopCause::None);
+    emulated.await_said("the wheels turn", Stamp::ZERO);
+    (run.go_on(Duration::from_millis(300)), witness)
+}
+
+#[test]
+fn a_robot_with_either_lidar_follows_the_wall() {
+    for lidar in ["lds-01", "lds-02"] {
+        let robot = Robot::new();
+        let emulated = Emulated::start(&robot, &["--lidar", lidar]);
+        let launch_file = emulated.launch_file(&robot, &[]);
+        let ended = robot.up(&[&launch_file, "--for", "6"]);
+        ended.assert_code(0).assert_says(&["the time is over"]).assert_counters_close();
+        let story = emulated.stop();
+        assert!(story.contains("collisions 0, cells 1-"), "{lidar}: {story}");
+        assert!(!story.contains("cells 1\n"), "{lidar} has gone nowhere: {story}");
+    }
+}
+
+#[test]
+fn a_gyro_tells_the_heading_as_well_as_the_wheels() {
+    let robot = Robot::new();
+    let emulated = Emulated::start(&robot, &[]);
+    let gyro = ("source = \"wheels\"", "source = \"wheels\"\nheading = \"gyro\"");
+    let launch_file = emulated.launch_file(&robot, &[gyro]);
+    let ended = robot.up(&[&launch_file, "--for", "4"]);
+    ended.assert_code(0);
+    let received = &ended.topics()["imu"]["readers"]["odometry"]["received"];
+    assert!(50 < received.as_u64().unwrap(), "{}", ended.story());
+    emulated.stop();
+}
+
+// Broken on purpose: with a heart that beat by itself, the firmware never stopped the wheels of a
+// bridge without a dead-man.
+#[test]
+fn when_the_controller_dies_the_wheels_stop_in_two_ways() {
+    alone(|robot| {
+        let emulated = Emulated::start(robot, &[]);
+        // Started again, but not before everybody has noticed.
+        let teseo = env!("CARGO_BIN_EXE_teseo");
+        let late = format!("sleep 1; exec {teseo} controller \\\"$@\\\"");
+        let name = "name = \"controller\"\n";
+        let slow = format!("{name}exec = [\"/bin/sh\", \"-c\", \"{late}\", \"sh\"]\n");
+        let (run, mut witness) = driving(robot, &emulated, &[(name, &slow)]);
+        let killed = clock::now();
+        run.node("controller").signal(Signal::KILL);
+
+        let braking = witness.await_state(Permission::Braking, StopCause::Silence);
+        let stood = emulated.await_said("the wheels stand", killed);
+        let heart = emulated.await_said("the heart stands", killed);
+        let silent = braking.command_received;
+        println!(
+            "| controller killed | wheels stand {} ms after the last command, heart {} ms |",
+            stood.since(silent).as_millis(),
+            heart.since(silent).as_millis()
+        );
+        assert!(Duration::from_millis(200) <= stood.since(silent));
+        // The firmware alone would have stopped them, too: it was told nothing more.
+        assert!(Duration::from_millis(400) <= heart.since(silent));
+        witness.await_state(Permission::Armed, StopCause::None);
+        emulated.await_said("the wheels turn", heart);
+        drop(witness);
+        run.stop();
+        emulated.stop();
+    });
+}
+
+#[test]
+fn when_the_bridge_is_killed_the_firmware_stops_the_wheels() {
+    alone(|robot| {
+        let emulated = Emulated::start(robot, &[]);
+        let (run, witness) = driving(robot, &emulated, &CALM);
+        let killed = clock::now();
+        run.node("turtlebot3").signal(Signal::KILL);
+
+        let stood = emulated.await_said("the wheels stand", killed);
+        println!("| bridge killed | wheels stand after {} ms |", stood.since(killed).as_millis());
+        // With what a busy machine adds to the emulator.
+        assert!(stood.since(killed) < FIRMWARE + Duration::from_secs(1));
+        drop(witness);
+        run.wait();
+        emulated.stop();
+    });
+}
+
+#[test]
+fn a_bridge_that_is_started_again_stops_the_wheels_first_and_drives_on() {
+    alone(|robot| {
+        let emulated = Emulated::start(robot, &[]);
+        let (run, witness) = driving(robot, &emulated, &[]);
+        let killed = clock::now();
+        run.node("turtlebot3").signal(Signal::KILL);
+
+        let stood = emulated.await_said("the wheels stand", killed);
+        println!(
+            "| bridge killed, started again | wheels stand after {} ms |",
+            stood.since(killed).as_millis()
+        );
+        emulated.await_said("the wheels turn", stood);
+        drop(witness);
+        run.stop();
+        emulated.stop();
+    });
+}
+
+/// What goes wrong at the board, what mends it, and what the bridge says of it.
+const BOARD: [(&str, &str, &str); 5] = [
+    ("unplug board", "plug board", "is not there: plug it in"),
+    ("silent board", "well board", "no answer: is the board switched on"),
+    ("garbage board", "well board", "what comes is no Dynamixel packet"),
+    ("half board", "well board", "no answer: is the board switched on"),
+    ("hang on", "hang off", "it answers, but its clock stands"),
+];
+
+#[test]
+fn whatever_happens_to_the_board_the_robot_stops_and_drives_on_when_it_is_mended() {
+    alone(|robot| {
+        let mut emulated = Emulated::start(robot, &[]);
+        let (mut run, mut witness) = driving(robot, &emulated, &CALM);
+        for (fault, cure, what) in BOARD {
+            let begun = emulated.order(fault);
+            witness.await_state(Permission::Held, StopCause::DriveLost);
+            let stood = emulated.await_said("the wheels stand", begun);
+            run = run.await_output(what);
+            let mended = emulated.order(cure);
+            let back = witness.wheels.len();
+            assert!(
+                witness.watch_until(|witness| back < witness.wheels.len()),
+                "{fault}: not back"
+            );
+            let read = witness.wheels[back].header.stamp;
+            // Three a minute are armed by themselves; a person does it for the others.
+            robot.start(&["arm"]).wait().assert_code(0);
+            witness.await_state(Permission::Armed, StopCause::None);
+            emulated.await_said("the wheels turn", mended);
+            println!(
+                "| {fault} | wheels stand after {} ms | read again {} ms after it was mended |",
+                stood.since(begun).as_millis(),
+                read.since(mended).as_millis()
+            );
+        }
+        drop(witness);
+        run.stop();
+        emulated.stop();
+    });
+}
+
+#[test]
+fn a_board_whose_packets_are_damaged_now_and_then_is_driven_all_the_same() {
+    let robot = Robot::new();
+    let mut emulated = Emulated::start(&robot, &[]);
+    emulated.order("damaged lidar");
+    let launch_file = emulated.launch_file(&robot, &[]);
+    let ended = robot.up(&[&launch_file, "--for", "4"]);
+    ended.assert_code(0);
+    assert!(0.0 < ended.figure("turtlebot3", "lidar_garbage"), "{}", ended.story());
+    assert!(10 < ended.topics()["scan"]["sent"].as_u64().unwrap(), "{}", ended.story());
+    emulated.stop();
+}
+
+/// What goes wrong at the LiDAR, what mends it, and what the bridge says of it.
+const LIDAR: [(&str, &str, &str); 4] = [
+    ("unplug lidar", "plug lidar", "is not there: plug it in"),
+    ("silent lidar", "well lidar", "it fell silent"),
+    ("garbage lidar", "well lidar", "it fell silent"),
+    ("half lidar", "well lidar", "it fell silent"),
+];
+
+#[test]
+fn whatever_happens_to_the_lidar_the_robot_stops_and_drives_on_when_it_is_mended() {
+    alone(|robot| {
+        let mut emulated = Emulated::start(robot, &[]);
+        let (mut run, mut witness) = driving(robot, &emulated, &CALM);
+        for (fault, cure, what) in LIDAR {
+            let begun = emulated.order(fault);
+            // Without scans there are no pairs, and without pairs no commands.
+            witness.await_state(Permission::Held, StopCause::Silence);
+            emulated.await_said("the wheels stand", begun);
+            run = run.await_output(what);
+            let mended = emulated.order(cure);
+            robot.start(&["arm"]).wait().assert_code(0);
+            witness.await_state(Permission::Armed, StopCause::None);
+            emulated.await_said("the wheels turn", mended);
+        }
+        drop(witness);
+        run.stop();
+        emulated.stop();
+    });
+}
+
+#[test]
+fn a_battery_that_runs_low_is_told_and_one_that_is_empty_stops_the_robot() {
+    alone(|robot| {
+        let mut emulated = Emulated::start(robot, &[]);
+        let (run, mut witness) = driving(robot, &emulated, &CALM);
+        emulated.order("battery 11.05");
+        let run = run.await_output("the battery is low");
+        let empty = emulated.order("battery 10.9");
+        witness.await_state(Permission::Held, StopCause::DriveLost);
+        emulated.await_said("the wheels stand", empty);
+        let run = run.await_output("the motors have no power");
+
+        emulated.order("battery 12.2");
+        let charged = emulated.order("power on");
+        witness.await_state(Permission::Armed, StopCause::None);
+        emulated.await_said("the wheels turn", charged);
+        drop(witness);
+        run.stop();
+        emulated.stop();
+    });
+}
+
+#[test]
+fn a_port_that_cannot_be_opened_is_refused_with_what_to_do() {
+    let robot = Robot::new();
+    let emulated = Emulated::start(&robot, &[]);
+    let launch_file = emulated.launch_file(&robot, &[("restart = \"on-failure\"\n", "")]);
+    let board = emulated.port("board");
+    let refused = |set: &str, says: &[&str]| {
+        robot.up(&[&launch_file, "--set", set]).assert_code(4).assert_says(says);
+    };
+    refused("turtlebot3.board_port=/dev/teseo-nobody", &["is not there: plug it in"]);
+    refused("turtlebot3.lidar_port=/dev/null", &["the LiDAR: /dev/null is no serial port"]);
+    let other = occupy(&board);
+    refused("seed=1", &["the OpenCR: ", "is in use by another program: fuser"]);
+    drop(other);
+    // The board's port is none of a LiDAR.
+    let wrong = format!("turtlebot3.lidar_port={board}");
+    robot
+        .up(&[&launch_file, "--set", &wrong])
+        .assert_code(78)
+        .assert_says(&["is the board's port too"]);
+    emulated.stop();
+}
+
+#[test]
+fn a_bridge_at_the_wrong_port_says_so() {
+    let robot = Robot::new();
+    let emulated = Emulated::start(&robot, &[]);
+    let (board, lidar) = (emulated.port("board"), emulated.port("lidar"));
+    let short = ("drives = true", "drives = true\nstart_timeout_ms = 3000");
+    let launch_file = emulated.launch_file(&robot, &[("restart = \"on-failure\"\n", ""), short]);
+    let swapped =
+        [format!("turtlebot3.board_port={lidar}"), format!("turtlebot3.lidar_port={board}")];
+    let ended = robot.up(&[&launch_file, "--set", &swapped[0], "--set", &swapped[1]]);
+    assert_ne!(ended.code, 0, "{}", ended.story());
+    ended.assert_says(&["what comes is no Dynamixel packet", "it is silent: does it turn"]);
+    emulated.stop();
+}
