@@ -148,14 +148,10 @@ impl Waiter<'_> {
     /// From now on the process wakes whenever more can be read from `file`, until that is closed.
     /// Like every event, that is a hint: what was there before is told once, if at all.
     pub(crate) fn watch(&self, file: impl AsFd) -> std::io::Result<()> {
-        let files = match self.files.get() {
-            Some(files) => files,
-            None => {
-                let files = Files::new(self.session)?;
-                self.files.get_or_init(|| files)
-            }
-        };
-        files.add(file)
+        if self.files.get().is_none() {
+            let _ = self.files.set(Files::new(self.session)?);
+        }
+        self.files.get().map_or(Ok(()), |files| files.add(file))
     }
 
     /// Sleeps until somebody wakes this process, a signal arrives, or it is `until`. Whoever was woken
