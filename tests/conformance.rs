@@ -18,7 +18,7 @@ const LAB_ROBOT: &str = include_str!("../config/lab_robot.toml");
 const PERIOD: Duration = Duration::from_millis(50);
 
 /// The dead-man's default.
-const DEAD_MAN: Duration = Duration::from_millis(200);
+const DEAD_MAN: Duration = Duration::from_millis(500);
 
 /// One thing that a robot does, or does not.
 type Test = fn(&mut Stand<'_>);
@@ -84,7 +84,9 @@ struct Stand<'a> {
 
 impl<'a> Stand<'a> {
     fn new(robot: &'a Robot, launch_file: &str, driver: &'a str) -> Self {
-        let run = robot.start_up(&[launch_file]).await_count("READY", 1);
+        // The longest there is: the stand is a busy machine's process and no robot's.
+        let dead_man = format!("--set={driver}.deadman.timeout_ms={}", DEAD_MAN.as_millis());
+        let run = robot.start_up(&[launch_file, &dead_man]).await_count("READY", 1);
         let session = Session::join(&robot.namespace(), "stand", 1).unwrap();
         Self {
             run: Some(run),
@@ -127,6 +129,7 @@ impl<'a> Stand<'a> {
             self.permission() == Some((Permission::Armed as u8, StopCause::None as u8))
         });
         assert!(armed, "{:?}", self.witness.told.last());
+        self.witness.forget();
     }
 
     fn permission(&self) -> Option<(u8, u8)> {

@@ -47,6 +47,11 @@ impl Witness {
         }
     }
 
+    /// What was told so far is awaited no more.
+    pub(crate) fn forget(&mut self) {
+        self.awaited = self.told.len();
+    }
+
     /// Watches until `is_enough` holds; false where it never did.
     pub(crate) fn watch_until(&mut self, mut is_enough: impl FnMut(&Self) -> bool) -> bool {
         wait_until(PATIENCE, || {
