@@ -59,8 +59,7 @@ fn a_gyro_tells_the_heading_as_well_as_the_wheels() {
     emulated.stop();
 }
 
-// Broken on purpose: with a heart that beat by itself, the firmware never stopped the wheels of a
-// bridge without a dead-man.
+// Broken on purpose: where the heart beat whatever the dead-man said, it never stood here.
 #[test]
 fn when_the_controller_dies_the_wheels_stop_in_two_ways() {
     alone(|robot| {
@@ -108,6 +107,50 @@ fn when_the_bridge_is_killed_the_firmware_stops_the_wheels() {
         assert!(stood.since(killed) < FIRMWARE + Duration::from_secs(1));
         drop(witness);
         run.wait();
+        emulated.stop();
+    });
+}
+
+#[test]
+fn when_the_bridge_hangs_the_firmware_stops_the_wheels() {
+    alone(|robot| {
+        let emulated = Emulated::start(robot, &[]);
+        let (run, witness) = driving(robot, &emulated, &CALM);
+        let stopped = clock::now();
+        let bridge = run.node("turtlebot3");
+        bridge.signal(Signal::STOP);
+
+        let stood = emulated.await_said("the wheels stand", stopped);
+        println!("| bridge stopped | wheels stand after {} ms |", stood.since(stopped).as_millis());
+        assert!(stood.since(stopped) < FIRMWARE + Duration::from_secs(1));
+        // What it had in mind is too old when it wakes up.
+        bridge.signal(Signal::CONT);
+        let again = emulated.await_said("the wheels turn", stood);
+        assert!(Duration::from_millis(400) < again.since(stood), "{again:?} {stood:?}");
+        drop(witness);
+        run.stop();
+        emulated.stop();
+    });
+}
+
+#[test]
+fn when_the_supervisor_dies_the_bridge_stops_the_wheels_before_it_ends() {
+    alone(|robot| {
+        let emulated = Emulated::start(robot, &[]);
+        let (run, mut witness) = driving(robot, &emulated, &CALM);
+        let killed = clock::now();
+        run.supervisor().signal(Signal::KILL);
+
+        witness.await_state(Permission::Held, StopCause::SupervisorLost);
+        let stood = emulated.await_said("the wheels stand", killed);
+        println!(
+            "| supervisor killed | wheels stand after {} ms |",
+            stood.since(killed).as_millis()
+        );
+        let heart = emulated.await_said("the heart stands", killed);
+        assert!(stood < heart, "the firmware had to do it");
+        drop(witness);
+        assert_eq!(run.wait().code, 128 + 9);
         emulated.stop();
     });
 }

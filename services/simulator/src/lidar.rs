@@ -223,6 +223,24 @@ mod tests {
     }
 
     #[test]
+    fn a_single_beam_is_that_of_the_whole_scan() {
+        let world: World =
+            toml::from_str(include_str!("../../../config/worlds/lab02.toml")).unwrap();
+        let walls = Walls::new(world.walls());
+        let world_from_base = Isometry2::new(Vector2::new(1.0, -0.9), 1.4);
+        let scan = scan_of(&world, &world_from_base, LidarConfig::default());
+        let mut lidar = Lidar::new(&Config::default());
+        for (beam, &range) in scan.ranges().iter().enumerate() {
+            let angle = beam as f64 * TAU / 240.0;
+            // Whole turns do not matter.
+            for angle in [angle, angle - TAU] {
+                let single = lidar.range(&walls, &world_from_base, angle);
+                assert!((single - f64::from(range)).abs() < 1e-5, "beam {beam}: {single} {range}");
+            }
+        }
+    }
+
+    #[test]
     fn a_scan_says_what_it_is() {
         for beams in [1, 240, 480] {
             let scan = scan_of_room(1.0, LidarConfig { beams, ..LidarConfig::default() });
