@@ -9,7 +9,7 @@ use serde_json::Value;
 
 use crate::robot::{Ended, Robot};
 
-const TOPICS: [&str; 14] = [
+const TOPICS: [&str; 15] = [
     "launch file",
     "shared memory",
     "locked memory",
@@ -20,6 +20,7 @@ const TOPICS: [&str; 14] = [
     "former runs",
     "running robots",
     "processors",
+    "waiting",
     "frequency scaling",
     "clock source",
     "systemd",

@@ -71,6 +71,7 @@ fn examine(config: &Path, check: Check) -> Vec<Finding> {
         robots::former_runs(&robots),
         robots::running(&robots),
         system::processors(&machine, needs),
+        system::waiting(&machine, needs),
         system::governor(&machine),
         system::clock_source(&machine),
         system::systemd(&machine),

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use node::config::Parameters;
 use node::launch::Launch;
-use node::{Clock, Namespace};
+use node::{Clock, Namespace, Wait};
 use serde::Deserialize;
 
 /// What a launch file asks of a machine.
@@ -19,6 +19,9 @@ pub(super) struct Needs {
     pub(super) priority: Option<u32>,
     /// The processors that processes are bound to, with the process.
     pub(super) processors: BTreeSet<(usize, String)>,
+    /// Whether the wall's time is the robot's, and which processes keep a processor while they wait.
+    pub(super) clock: Clock,
+    pub(super) pollers: Vec<String>,
     /// The ports of the process that talks to a real robot, and whether each is there; `None` where
     /// there is no such process.
     pub(super) serial_ports: Option<BTreeMap<String, bool>>,
@@ -69,12 +72,17 @@ impl Needs {
         } else {
             MemoryLock::None
         };
+        let pollers = processes().filter(|process| {
+            process.is_managed() && matches!(launch.wait(Some(process)), Wait::Poll | Wait::Hybrid)
+        });
         Self {
             robot: launch.robot.clone(),
             shared_memory: Namespace::need(launch),
             memory_lock,
             priority: processes().filter_map(|process| process.cpu_scheduling_priority).max(),
             processors: bound.collect(),
+            clock: launch.clock,
+            pollers: pollers.map(|process| process.name.clone()).collect(),
             serial_ports: processes().any(|process| process.name == BRIDGE).then(|| {
                 let ports = ports.unwrap_or_default();
                 let ports = [ports.board_port, ports.lidar_port];
@@ -92,6 +100,8 @@ impl Needs {
             memory_lock: MemoryLock::IfAllowed,
             priority: None,
             processors: BTreeSet::new(),
+            clock: Clock::Realtime,
+            pollers: Vec::new(),
             serial_ports: None,
         }
     }

@@ -1,5 +1,7 @@
 //! Judges the machine itself: its processors, its clock, and what runs it.
 
+use node::Clock;
+
 use super::finding::{Finding, Level};
 use super::limits::as_root;
 use super::machine::Machine;
@@ -28,6 +30,27 @@ pub(super) fn processors(machine: &Machine, needs: Option<&Needs>) -> Finding {
     let last = machine.processors.last().copied().unwrap_or_default();
     let help = format!("cpu_affinity = [{last}]   # in the launch file, or leave it out");
     Finding::new(Level::Failure, what, found).mend(help)
+}
+
+/// Whether each process that keeps a processor while it waits can have one. Where they cannot, a chain
+/// of three took a hundred times as long as one that sleeps (`teseo bench loop` shows it).
+pub(super) fn waiting(machine: &Machine, needs: Option<&Needs>) -> Finding {
+    let what = "waiting";
+    let Some(needs) = needs else { return Finding::ok(what, "no launch file to judge") };
+    let (pollers, processors) = (&needs.pollers, machine.processors.len());
+    // One is for all that do not poll, the supervisor's own among them.
+    if pollers.len() < processors || pollers.is_empty() {
+        return Finding::ok(what, format!("{} of {processors} processors are kept", pollers.len()));
+    }
+    let found = format!(
+        "`{}` keep looking, on {processors} processors: they take them from each other",
+        pollers.join("`, `")
+    );
+    let better = match needs.clock {
+        Clock::Realtime => "block",
+        Clock::Lockstep => "yield",
+    };
+    Finding::warning(what, found).mend(format!("wait = \"{better}\"   # in the launch file"))
 }
 
 /// Whether processors run as fast as they can, and do not have to notice first that they should.
@@ -118,6 +141,24 @@ mod tests {
         assert!(finding.found.contains("`controller` on 999"), "{}", finding.found);
         assert!(!finding.found.contains("odometry"), "{}", finding.found);
         assert_eq!(processors(&Machine::good(), Some(&Needs::usual())).level, Level::Ok);
+    }
+
+    #[test]
+    fn more_pollers_than_processors_to_spare_are_a_warning() {
+        let processors = Machine::good().processors.len();
+        for (count, clock, level, better) in [
+            (0, Clock::Realtime, Level::Ok, ""),
+            (processors - 1, Clock::Realtime, Level::Ok, ""),
+            (processors, Clock::Realtime, Level::Warning, "block"),
+            (processors + 2, Clock::Lockstep, Level::Warning, "yield"),
+        ] {
+            let pollers = (0..count).map(|index| format!("p{index}")).collect();
+            let finding =
+                waiting(&Machine::good(), Some(&Needs { pollers, clock, ..Needs::usual() }));
+
+            assert_eq!(finding.level, level, "{finding:?}");
+            assert!(finding.mend.concat().contains(better), "{finding:?}");
+        }
     }
 
     #[test]
