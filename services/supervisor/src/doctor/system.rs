@@ -154,7 +154,7 @@ mod tests {
         ] {
             let pollers = (0..count).map(|index| format!("p{index}")).collect();
             let finding =
-                waiting(&Machine::good(), Some(&Needs { pollers, clock, ..Needs::usual() }));
+                waiting(&Machine::good(), Some(&Needs { clock, pollers, ..Needs::usual() }));
 
             assert_eq!(finding.level, level, "{finding:?}");
             assert!(finding.mend.concat().contains(better), "{finding:?}");
