@@ -33,7 +33,7 @@ const ROUND_TRIP_MAX: Duration = Duration::from_secs(320);
 
 /// Seeds and beams of robots that turned on the spot, or pushed against a wall, until the end of time:
 /// they believed in a corridor that was narrower than they were, or kept a course that no wall had.
-const LOST: [(u64, usize); 9] = [
+const LOST: [(u64, usize); 10] = [
     (126, 60),
     (1364, 60),
     (3279, 60),
@@ -42,6 +42,7 @@ const LOST: [(u64, usize); 9] = [
     (508, 240),
     (541, 240),
     (609, 240),
+    (1007, 240),
     (1320, 240),
 ];
 

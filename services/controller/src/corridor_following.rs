@@ -24,6 +24,8 @@ pub(crate) struct CorridorFollowing {
     state: State,
     belief: Belief,
     seen: Surroundings,
+    /// [m] Since a course was chosen, if one was.
+    driven: Option<f64>,
     last: Option<Last>,
 }
 
@@ -147,6 +149,12 @@ const MARGIN_SIDE: f64 = 0.01;
 /// [m] What the robot leaves before anything ahead.
 const MARGIN_AHEAD: f64 = 0.035;
 
+/// [m] Who has driven less since a choice has not come away from where it was made,
+const DRIVEN_MIN: f64 = 0.02;
+
+/// [rad] and may choose any other course.
+const OTHER_COURSES: [f64; 3] = [FRAC_PI_2, PI, -FRAC_PI_2];
+
 /// [m] Near enough to the place where it turns.
 const ARRIVED: f64 = 0.01;
 
@@ -174,6 +182,7 @@ impl CorridorFollowing {
             state: State::Follow,
             belief: Belief::unknown(config.corridor_width_m),
             seen: Surroundings::NONE,
+            driven: None,
             last: None,
         }
     }
@@ -224,6 +233,7 @@ impl CorridorFollowing {
     fn start(&mut self, scan: &LaserScan) {
         self.points.fill(scan, self.config.sensor_x_m, 0.0);
         self.last = None;
+        self.driven = None;
         self.state = State::Follow;
         self.belief = Belief::unknown(self.config.corridor_width_m);
         self.belief.heading.value = -self.points.direction().unwrap_or(0.0);
@@ -240,6 +250,7 @@ impl CorridorFollowing {
         heading.shift(turned, HEADING_UNREST + DRIFT * turned.abs());
         offset.shift(distance * sin, OFFSET_UNREST + DRIFT * distance.abs());
         width.variance += WIDTH_UNREST * distance.abs();
+        self.driven = self.driven.map(|driven| driven + distance);
         self.seen.ahead = self.seen.ahead.map(|ahead| ahead - distance * cos);
         self.seen.free_ahead -= distance * cos;
     }
@@ -337,12 +348,16 @@ impl CorridorFollowing {
         let half = 0.5 * self.belief.width.value;
         let is_open = |free: f64| half + OPENING_DEPTH < free;
         let (left, right) = (self.seen.free_left, self.seen.free_right);
+        let is_stuck = self.driven.is_some_and(|driven| driven < DRIVEN_MIN);
         let turned = match (is_open(left), is_open(right)) {
+            // What was open let nobody in, and would be chosen again and again.
+            _ if is_stuck => self.one_of(OTHER_COURSES),
             (true, false) => FRAC_PI_2,
             (false, true) => -FRAC_PI_2,
-            (true, true) => self.either(FRAC_PI_2),
+            (true, true) => self.one_of([FRAC_PI_2, -FRAC_PI_2]),
             (false, false) => PI.copysign(left - right),
         };
+        self.driven = Some(0.0);
 
         // The wall ahead becomes the wall on the far side of the turn.
         let from_middle = self.seen.ahead.map(|ahead| ahead - half);
@@ -359,9 +374,8 @@ impl CorridorFollowing {
         self.seen = Surroundings::NONE;
     }
 
-    /// This angle or its opposite, at random.
-    fn either(&mut self, angle: f64) -> f64 {
-        if self.random.next_u32() & 1 == 0 { angle } else { -angle }
+    fn one_of<const N: usize>(&mut self, angles: [f64; N]) -> f64 {
+        angles[self.random.next_u32() as usize % N]
     }
 
     fn turn(&self) -> Motion {
@@ -596,6 +610,26 @@ mod tests {
             assert!(milliseconds < 3000, "still turning at {yaw}");
         }
         assert!((yaw - FRAC_PI_2).abs() < 0.1, "{yaw}");
+    }
+
+    #[test]
+    fn a_robot_that_a_wall_beside_it_lets_go_neither_way_drives_away_from_the_wall() {
+        let walls = [([-3.0, 0.11], [3.0, 0.11]), ([-3.0, -0.29], [3.0, -0.29])];
+        for seed in 1..=10 {
+            let mut follower = follower(seed);
+            let (mut yaw, mut milliseconds) = (0.0, 0);
+            loop {
+                milliseconds += 50;
+                let seen = scan(&walls, yaw, milliseconds);
+                let motion = follower.update(&seen, &turned(yaw, milliseconds));
+                if motion.linear > 0.0 {
+                    break;
+                }
+                yaw += 0.05 * motion.angular;
+                assert!(milliseconds < 60_000, "{seed}: still turning at {yaw}");
+            }
+            assert!(libm::sin(yaw) < -0.9, "{seed}: {yaw}");
+        }
     }
 
     #[test]
