@@ -67,7 +67,7 @@ fn lockstep(node: &mut Node<'_>, mut robot: Robot) -> Result {
             robot.wheels.restart();
             robot.report_rest(None)?;
             // A first step at rest sets the loop going.
-            robot.step(Motion::ZERO);
+            robot.step_in_time(Motion::ZERO)?;
             robot.sense(None, tick.now)?;
             node.hold();
         }
@@ -77,7 +77,7 @@ fn lockstep(node: &mut Node<'_>, mut robot: Robot) -> Result {
                 robot.age.record(tick.now.since(robot.sensed));
             }
             let motion = robot.wheels.motion(robot.simulator.time())?;
-            robot.step(motion);
+            robot.step_in_time(motion)?;
             // Everything sent so far has come to its reader: the one moment at which to pause.
             node.release();
             if robot.finish_if_ended(node)? || node.leaving()? {
@@ -226,6 +226,13 @@ impl Robot {
         self.check_estimate();
         self.simulator.step(motion.linear, motion.angular);
         self.gauges.set(&self.simulator);
+    }
+
+    /// The same in lock-step: what the dead-man does by the end of the step is told before the scan of
+    /// it. Told later, it would race with the answer to that scan, and no two runs were the same.
+    fn step_in_time(&mut self, motion: Motion) -> Result {
+        self.step(motion);
+        self.wheels.motion(self.simulator.time()).map(drop)
     }
 
     fn check_estimate(&mut self) {
