@@ -2,7 +2,6 @@
 
 mod bytes;
 mod ours;
-mod payload;
 mod plain;
 mod raw;
 mod side;

@@ -14,6 +14,7 @@ mod hop;
 mod lockstep;
 mod measured;
 mod pairing;
+mod payload;
 mod peers;
 mod robot;
 mod table;

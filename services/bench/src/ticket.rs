@@ -3,17 +3,16 @@
 
 use std::time::Duration;
 
-use bytemuck::{Pod, Zeroable};
 use hdrhistogram::Histogram;
-use iceoryx2::prelude::ZeroCopySend;
 use interfaces::topics::{ODOMETRY, SENSOR_PAIR};
-use interfaces::{Header, Message, Stamp, Topic};
+use interfaces::{Header, Stamp, Topic};
 use node::pairing::{Bounds, Config, Entry, Pairing, Policy};
 use node::{Error, Namespace, Result, Session, clock};
 use serde::{Deserialize, Serialize};
 
 use crate::Effort;
 use crate::measured::{Values, history};
+use crate::payload::{Large, Medium, Small, Words, expected, sum, word};
 use crate::peers::{Part, Peers, Role, Task};
 
 /// [-] Pairs of one measurement.
@@ -30,56 +29,6 @@ const TIMEOUT: Duration = Duration::from_secs(30);
 
 /// As long as anybody watches.
 const DEADLINE: Duration = Duration::from_secs(1);
-
-macro_rules! payload {
-    ($name:ident, $type_name:literal, $bytes:literal) => {
-        #[doc = concat!("A sample of ", stringify!($bytes), " bytes and a header.")]
-        #[derive(Debug, Clone, Copy, Pod, Zeroable, ZeroCopySend)]
-        #[type_name($type_name)]
-        #[repr(C)]
-        struct $name {
-            header: Header,
-            /// [-] Anything.
-            bytes: [u8; $bytes],
-        }
-
-        impl Default for $name {
-            fn default() -> Self {
-                Self::zeroed()
-            }
-        }
-
-        impl Message for $name {
-            fn header(&self) -> &Header {
-                &self.header
-            }
-
-            fn header_mut(&mut self) -> &mut Header {
-                &mut self.header
-            }
-        }
-
-        impl Bytes for $name {
-            fn bytes(&self) -> &[u8] {
-                &self.bytes
-            }
-
-            fn bytes_mut(&mut self) -> &mut [u8] {
-                &mut self.bytes
-            }
-        }
-    };
-}
-
-/// What a payload is made of.
-trait Bytes: Message {
-    fn bytes(&self) -> &[u8];
-    fn bytes_mut(&mut self) -> &mut [u8];
-}
-
-payload!(Small, "bench/SmallPair/1", 1024);
-payload!(Medium, "bench/MediumPair/1", 65_536);
-payload!(Large, "bench/LargePair/1", 1_048_576);
 
 const SMALL: Topic<Small> = Topic::new("payload", 4, DEADLINE, "bench");
 const MEDIUM: Topic<Medium> = Topic::new("payload", 4, DEADLINE, "bench");
@@ -141,7 +90,7 @@ pub(crate) fn play(
     }
 }
 
-fn play_on<T: Bytes + 'static>(
+fn play_on<T: Words + 'static>(
     topic: &Topic<T>,
     part: &Part,
     namespace: &Namespace,
@@ -152,7 +101,7 @@ fn play_on<T: Bytes + 'static>(
     }
 }
 
-fn send<T: Bytes>(topic: &Topic<T>, samples: u64, namespace: &Namespace) -> Result {
+fn send<T: Words>(topic: &Topic<T>, samples: u64, namespace: &Namespace) -> Result {
     let session = Session::join(namespace, "sender", 1)?;
     let mut payloads = session.publisher(topic)?;
     let mut odometry = session.publisher(&ODOMETRY)?;
@@ -167,7 +116,7 @@ fn send<T: Bytes>(topic: &Topic<T>, samples: u64, namespace: &Namespace) -> Resu
         let now = clock::now();
         payloads.send_with(|payload| {
             payload.header_mut().stamp = now;
-            payload.bytes_mut().fill(number.to_le_bytes()[0]);
+            payload.words_mut().fill(word(number));
         })?;
         odometry.send_with(|odometry| odometry.header.stamp = now)?;
         while answers.receive()?.is_none() {
@@ -186,7 +135,7 @@ fn check(until: Stamp) -> Result {
 }
 
 /// How long it took to pair and to find both samples, and to read the payload on top.
-fn receive<T: Bytes + 'static>(
+fn receive<T: Words + 'static>(
     topic: &Topic<T>,
     samples: u64,
     namespace: &Namespace,
@@ -224,10 +173,9 @@ fn receive<T: Bytes + 'static>(
             return Err(Error::Fault("a pair was not found".to_owned()));
         };
         found.saturating_record(nanoseconds(clock::now().since(begun)));
-        let sum = payload.bytes().iter().map(|&byte| u64::from(byte)).sum::<u64>();
-        let expected = u64::from(ticket.sequence.to_le_bytes()[0]) * payload.bytes().len() as u64;
+        let is_whole = sum(payload.words()) == expected(payload.words().len(), ticket.sequence);
         read.saturating_record(nanoseconds(clock::now().since(begun)));
-        if sum != expected {
+        if !is_whole {
             return Err(Error::Fault("a payload is damaged".to_owned()));
         }
         answers.send_with(|answer| answer.header.stamp = begun)?;

@@ -12,8 +12,8 @@ use node::{Error, Namespace, Result, clock};
 use rustix::fs::Mode;
 use rustix::io::Errno;
 
-use super::payload::{expected, sum, word};
 use super::side::{Arrival, Body, End, LIFE_MAX, Link, await_peer};
+use crate::payload::{expected, sum, word};
 use crate::peers::Role;
 
 /// [word] Number and stamp.

@@ -6,8 +6,8 @@ use hdrhistogram::Histogram;
 use interfaces::{Stamp, Topic};
 use node::{Namespace, Publisher, Result, Session, Subscriber, Wait, Waiter, clock};
 
-use super::payload::{Payload, expected, sum, word};
 use super::side::{Arrival, Body, End, LIFE_MAX, Link, await_peer, check_time};
+use crate::payload::{Words, expected, sum, word};
 use crate::peers::Role;
 
 /// As long as anybody watches.
@@ -19,11 +19,11 @@ const DEPTH: usize = 4;
 /// [-] Readers of one sample.
 const ANSWERS: [&str; 4] = ["answer0", "answer1", "answer2", "answer3"];
 
-fn topic<T: Payload>(name: &'static str) -> Topic<T> {
+fn topic<T: Words>(name: &'static str) -> Topic<T> {
     Topic::new(name, DEPTH, DEADLINE, "bench")
 }
 
-pub(super) fn with_link<T: Payload>(
+pub(super) fn with_link<T: Words>(
     end: &End<'_>,
     namespace: &Namespace,
     wait: Wait,
@@ -52,7 +52,7 @@ pub(super) fn with_link<T: Payload>(
     })
 }
 
-struct Ours<'a, T: Payload> {
+struct Ours<'a, T: Words> {
     publisher: Publisher<T>,
     subscribers: Vec<Subscriber<T>>,
     waiter: &'a Waiter<'a>,
@@ -60,7 +60,7 @@ struct Ours<'a, T: Payload> {
     touched: bool,
 }
 
-impl<T: Payload> Link for Ours<'_, T> {
+impl<T: Words> Link for Ours<'_, T> {
     fn send(&mut self, number: u64, stamp: Stamp) -> Result {
         let touched = self.touched;
         self.publisher.send_with(|sample| {

@@ -16,8 +16,8 @@ use interfaces::{Header, Stamp};
 use node::{Error, Namespace, Result, clock};
 
 use super::Way;
-use super::payload::{Payload, expected, sum, word};
 use super::side::{Arrival, Body, End, LIFE_MAX, Link, await_peer, check_time, look};
+use crate::payload::{Words, expected, sum, word};
 use crate::peers::Role;
 
 /// [-] As our topics of the same purpose have them.
@@ -58,7 +58,7 @@ fn topics(end: &End<'_>) -> (Vec<String>, String) {
     }
 }
 
-pub(super) fn with_link<T: Payload>(
+pub(super) fn with_link<T: Words>(
     end: &End<'_>,
     namespace: &Namespace,
     body: Body<'_>,
@@ -133,7 +133,7 @@ impl Bell {
     }
 }
 
-struct Plain<'a, T: Payload> {
+struct Plain<'a, T: Words> {
     publisher: Publisher<ipc::Service, T, ()>,
     subscribers: Vec<Subscriber<ipc::Service, T, ()>>,
     bell: Option<(&'a Bell, &'a WaitSet<ipc::Service>)>,
@@ -142,7 +142,7 @@ struct Plain<'a, T: Payload> {
     touched: bool,
 }
 
-impl<T: Payload> Plain<'_, T> {
+impl<T: Words> Plain<'_, T> {
     fn find(&self) -> Result<Option<Arrival>> {
         for subscriber in &self.subscribers {
             let Some(sample) = subscriber.receive().map_err(failed)? else { continue };
@@ -155,7 +155,7 @@ impl<T: Payload> Plain<'_, T> {
     }
 }
 
-impl<T: Payload> Link for Plain<'_, T> {
+impl<T: Words> Link for Plain<'_, T> {
     fn send(&mut self, number: u64, stamp: Stamp) -> Result {
         let mut sample = self.publisher.loan().map_err(failed)?;
         let payload = sample.payload_mut();

@@ -6,9 +6,9 @@ use hdrhistogram::Histogram;
 use interfaces::{LaserScan, Stamp};
 use node::{Error, Namespace, Result, clock};
 
-use super::payload::{Large, Line, Medium};
 use super::{Hop, Size, Way, bytes, ours, plain, raw};
 use crate::measured::history;
+use crate::payload::{Large, Line, Medium, Words};
 use crate::peers::{Part, Role};
 
 /// However long a side waits altogether: by then something is wrong.
@@ -73,7 +73,7 @@ pub(crate) fn play(hop: &Hop, part: &Part, namespace: &Namespace) -> Result<Hist
     }
 }
 
-fn with_samples<T: super::payload::Payload>(
+fn with_samples<T: Words>(
     end: &End<'_>,
     namespace: &Namespace,
     body: Body<'_>,

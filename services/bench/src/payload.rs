@@ -5,7 +5,7 @@ use iceoryx2::prelude::ZeroCopySend;
 use interfaces::{Header, LaserScan, Message};
 
 /// A sample whose every word can be written and read.
-pub(super) trait Payload: Message + 'static {
+pub(crate) trait Words: Message + 'static {
     fn words(&self) -> &[u32];
     fn words_mut(&mut self) -> &mut [u32];
 }
@@ -16,7 +16,7 @@ macro_rules! payload {
         #[derive(Debug, Clone, Copy, Pod, Zeroable, ZeroCopySend)]
         #[type_name($type_name)]
         #[repr(C)]
-        pub(super) struct $name {
+        pub(crate) struct $name {
             header: Header,
             /// [-] Anything.
             words: [u32; ($bytes - size_of::<Header>()) / 4],
@@ -40,7 +40,7 @@ macro_rules! payload {
             }
         }
 
-        impl Payload for $name {
+        impl Words for $name {
             fn words(&self) -> &[u32] {
                 &self.words
             }
@@ -53,10 +53,11 @@ macro_rules! payload {
 }
 
 payload!(Line, "bench/Line/1", 64);
+payload!(Small, "bench/Small/1", 1024);
 payload!(Medium, "bench/Medium/1", 65_536);
 payload!(Large, "bench/Large/1", 1_048_576);
 
-impl Payload for LaserScan {
+impl Words for LaserScan {
     fn words(&self) -> &[u32] {
         &bytemuck::cast_slice(bytemuck::bytes_of(self))[size_of::<Header>() / 4..]
     }
@@ -67,18 +68,18 @@ impl Payload for LaserScan {
 }
 
 /// The sum of `words`: what no optimiser can leave out, since it is compared with [`expected`].
-pub(super) fn sum(words: &[u32]) -> u32 {
+pub(crate) fn sum(words: &[u32]) -> u32 {
     words.iter().fold(0, |sum, &word| sum.wrapping_add(word))
 }
 
 /// What [`sum`] finds in `words` that are all `number`, in its low bits.
-pub(super) fn expected(words: usize, number: u64) -> u32 {
+pub(crate) fn expected(words: usize, number: u64) -> u32 {
     #[expect(clippy::cast_possible_truncation, reason = "the low bits, as the sum has them")]
     (words as u32).wrapping_mul(word(number))
 }
 
 /// What every word of sample `number` is.
-pub(super) const fn word(number: u64) -> u32 {
+pub(crate) const fn word(number: u64) -> u32 {
     #[expect(clippy::cast_possible_truncation, reason = "the low bits tell neighbours apart")]
     let word = number as u32;
     word
