@@ -9,6 +9,10 @@ pub(crate) struct Framer {
     bytes: Vec<u8>,
 }
 
+/// Bytes that belong to no packet.
+#[derive(Debug)]
+pub(crate) struct Garbage;
+
 impl Default for Framer {
     fn default() -> Self {
         Self { bytes: Vec::with_capacity(CAPACITY) }
@@ -41,6 +45,21 @@ impl Framer {
         let begin = (0..count).find(|&begin| may_begin(&self.bytes[begin..])).unwrap_or(count);
         self.skip(begin);
         begin
+    }
+
+    /// Cuts the next packet of `N` bytes out, as `parse` reads it; an error where what was there is
+    /// garbage, of which something is dropped; nothing where more has to come.
+    pub(crate) fn next<P, const N: usize>(
+        &mut self,
+        may_begin: impl Fn(&[u8]) -> bool,
+        parse: impl Fn(&[u8; N]) -> Option<P>,
+    ) -> Option<Result<P, Garbage>> {
+        if 0 < self.skip_until(may_begin) {
+            return Some(Err(Garbage));
+        }
+        let packet = parse(self.bytes.first_chunk()?);
+        self.skip(if packet.is_some() { N } else { 1 });
+        Some(packet.ok_or(Garbage))
     }
 
     /// Forgets everything.

@@ -93,15 +93,9 @@ impl Lds01 {
             bytes[0] == 0xfa
                 && bytes.get(1).is_none_or(|index| (0xa0..0xa0 + PACKETS).contains(index))
         };
-        if 0 < self.framer.skip_until(is_begin) {
-            return Some(Heard::Garbage);
-        }
-        let bytes = self.framer.bytes().first_chunk()?;
-        let Some(packet) = Packet::parse(bytes) else {
-            self.framer.skip(1);
+        let Ok(packet) = self.framer.next(is_begin, Packet::parse)? else {
             return Some(Heard::Garbage);
         };
-        self.framer.skip(PACKET);
         let came = self.heard.before(Model::Lds01.transfer(self.framer.bytes().len()));
         Some(if self.take(&packet, came) { Heard::Turn(&self.whole) } else { Heard::Packet })
     }
