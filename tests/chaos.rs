@@ -24,6 +24,9 @@ const PATIENCE: Duration = Duration::from_secs(30);
 /// The whole of a start, and some of the time after it.
 const PHASE_MAX: Duration = Duration::from_millis(250);
 
+/// What the supervisor says of it, behind the time and the name.
+const BY_KILL: &str = "failed: was killed by signal 9";
+
 /// As a shell says it: killed by signal 9.
 const KILLED: i32 = 128 + 9;
 
@@ -106,16 +109,15 @@ fn end_by(robot: &Robot, run: Run<'_>, victim: Process, times: &mut Times, conte
 
 /// Kills a node: the robot is ready again without hands.
 fn outlive<'a>(run: Run<'a>, victim: Process, times: &mut Times, context: &str) -> Run<'a> {
-    let name = victim
-        .command()
-        .into_iter()
-        .find_map(|word| Some(word.strip_prefix("--name=")?.to_owned()))
-        .unwrap_or_default();
-    let activation = format!("{name:<12} inactive -> active");
-    let so_far = |milestone: &str| run.output().matches(milestone).count();
-    let (was_active, was_ready) = (so_far(&activation), so_far("READY"));
+    let before = run.output();
     let killed = clock::now();
     victim.signal(Signal::KILL);
+    // By what the supervisor says: a node that is just being started has not its own words yet.
+    let run = run.await_count(BY_KILL, before.matches(BY_KILL).count() + 1);
+    let name = last_killed(&run.output());
+    let activation = format!("{name:<12} inactive -> active");
+    let (was_active, was_ready) =
+        (before.matches(&activation).count(), before.matches("READY").count());
     let run = run.await_count(&activation, was_active + 1);
     let active = clock::now().since(killed);
     let run = run.await_count("READY", was_ready + 1);
@@ -125,6 +127,11 @@ fn outlive<'a>(run: Run<'a>, victim: Process, times: &mut Times, context: &str) 
     }
     assert!(!run.output().contains("gave up"), "{context}\n{}", run.output());
     run
+}
+
+fn last_killed(output: &str) -> String {
+    let line = output.lines().rfind(|line| line.contains(BY_KILL)).unwrap_or_default();
+    line.split_whitespace().nth(2).unwrap_or_default().to_owned()
 }
 
 fn is_guardian_or_supervisor(run: &Run<'_>, victim: Process) -> bool {

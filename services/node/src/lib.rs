@@ -28,6 +28,7 @@ mod arguments;
 mod arrivals;
 pub mod clock;
 pub mod config;
+pub mod control;
 pub mod deadman;
 mod error;
 mod estop;

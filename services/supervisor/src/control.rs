@@ -12,11 +12,11 @@ use std::time::Duration;
 
 use interfaces::Stamp;
 use node::Error;
+use node::control::Request;
 use rustix::event::{PollFd, PollFlags, Timespec};
 use serde_json::{Value, json};
 
 use request::RequestLine;
-pub(crate) use request::{LINES, Request};
 
 /// [-] More people and programs than ever look at one robot at once.
 const CLIENTS_MAX: usize = 16;

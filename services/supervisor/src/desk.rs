@@ -1,10 +1,11 @@
 //! Who asks the supervisor for something, and who waits for an answer.
 
 use interfaces::Stamp;
+use node::control::Request;
 use rustix::event::PollFd;
 use serde_json::{Value, json};
 
-use crate::control::{ClientId, Control, Request};
+use crate::control::{ClientId, Control};
 use crate::history::Happening;
 use crate::log_book::Line;
 use crate::machine::Ask;

@@ -6,7 +6,7 @@ use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 use std::time::Duration;
 
-use node::{Error, Namespace, Result, clock};
+use node::{Error, Namespace, Result, clock, control};
 use rustix::fs::FlockOperation;
 
 use crate::guardian::is_alive;
@@ -78,19 +78,11 @@ impl Lock {
 fn sharers(lock: &Path) -> String {
     let processes = fs::read_dir("/proc").into_iter().flatten().flatten();
     let numbers = processes.filter_map(|entry| entry.file_name().to_str()?.parse().ok());
-    let other = |&pid: &u32| pid != std::process::id() && is_open_in(pid, lock);
+    let other = |&pid: &u32| pid != std::process::id() && control::is_open_in(pid, lock);
     let mut sharers: Vec<u32> = numbers.filter(other).collect();
     sharers.sort_unstable();
     match sharers.as_slice() {
         [] => "of somebody else".to_owned(),
         some => some.iter().map(u32::to_string).collect::<Vec<_>>().join(", "),
     }
-}
-
-/// Whether the process has this file open.
-pub(crate) fn is_open_in(pid: u32, path: &Path) -> bool {
-    let Ok(file) = fs::metadata(path) else { return false };
-    let entries = fs::read_dir(format!("/proc/{pid}/fd")).into_iter().flatten().flatten();
-    let is_it = |other: &fs::Metadata| (other.dev(), other.ino()) == (file.dev(), file.ino());
-    entries.map(|entry| entry.path()).any(|path| fs::metadata(path).is_ok_and(|file| is_it(&file)))
 }

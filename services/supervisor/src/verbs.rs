@@ -1,7 +1,6 @@
 //! What is asked of a robot that runs: the other end of the control socket.
 
 mod chaos;
-mod connection;
 mod down;
 mod follow;
 mod motion;
@@ -16,8 +15,8 @@ use std::time::Duration;
 
 use clap::{Args, Subcommand};
 use node::Namespace;
+use node::control::{self, Failure, LINES, Request};
 
-use crate::control::{LINES, Request};
 use crate::last_words;
 use chaos::ChaosOptions;
 use follow::Feed;
@@ -196,7 +195,7 @@ impl Which {
         &self,
         verb: impl FnOnce(&Namespace) -> Result<u8, Failure>,
     ) -> Result<u8, Failure> {
-        let outcome = connection::find(self.name()).and_then(|namespace| verb(&namespace));
+        let outcome = control::find(self.name()).and_then(|namespace| verb(&namespace));
         if matches!(outcome, Err(Failure::NotRunning(_))) {
             say::mention(&last_words::read(&Namespace::runtime_directory(), self.name()));
         }
@@ -206,7 +205,7 @@ impl Which {
 
 impl OneNode {
     fn steer(&self, goal: Goal) -> Result<u8, Failure> {
-        let namespace = connection::find(self.robot.name())?;
+        let namespace = control::find(self.robot.name())?;
         steer::steer(&namespace, &self.node, goal, Duration::from_secs(self.wait))
     }
 }
@@ -214,10 +213,10 @@ impl OneNode {
 /// The running robot that a verb of another service is about: `name`, or the only one that runs.
 /// Where there is none, says so; the code is what to exit with.
 pub fn find(name: Option<&str>) -> Result<Namespace, ExitCode> {
-    let found = connection::find(name).and_then(|namespace| {
+    let found = control::find(name).and_then(|namespace| {
         let robot = namespace.robot();
         let absent = || Failure::NotRunning(format!("robot '{robot}' is not running"));
-        connection::is_running(&namespace).then_some(()).ok_or_else(absent)?;
+        control::is_running(&namespace).then_some(()).ok_or_else(absent)?;
         Ok(namespace)
     });
     found.map_err(|failure| {
@@ -228,35 +227,8 @@ pub fn find(name: Option<&str>) -> Result<Namespace, ExitCode> {
 
 /// Whether the robot runs under this guardian, and is ready.
 pub(crate) fn is_ready(namespace: &Namespace, guardian: u32) -> bool {
-    connection::look(namespace)
+    control::look(namespace)
         .is_some_and(|status| status["state"] == "ready" && status["guardian"] == guardian)
-}
-
-/// Why a verb did not do what it was asked for.
-#[derive(Debug)]
-pub(crate) enum Failure {
-    /// Whoever asked wants to know no more: it pressed Ctrl-C, or closed our standard output.
-    Unwanted,
-    /// The supervisor says no, or cannot be understood.
-    Refused(String),
-    /// It is not clear which robot is meant.
-    Unclear(String),
-    /// The robot does not run.
-    NotRunning(String),
-    /// It took too long.
-    TooLong(String),
-}
-
-impl Failure {
-    const fn code(&self) -> u8 {
-        match self {
-            Self::Unwanted => 0,
-            Self::Refused(_) => 1,
-            Self::Unclear(_) => 2,
-            Self::NotRunning(_) => 3,
-            Self::TooLong(_) => 124,
-        }
-    }
 }
 
 #[cfg(test)]

@@ -1,7 +1,8 @@
 //! What can be asked for at the control socket, and what is wrong where something else is.
 
 use node::config::suggestion;
-use serde::{Deserialize, Serialize};
+use node::control::Request;
+use serde::Deserialize;
 use serde_json::Value;
 
 /// [byte] A longer line is no request.
@@ -9,41 +10,6 @@ const LINE_MAX: usize = 64 * 1024;
 
 /// [character] Of what somebody sent, as much as is worth being told back.
 const QUOTE_MAX: usize = 160;
-
-/// [-] Lines of a log, for one who does not say how many.
-pub(crate) const LINES: usize = 100;
-
-/// What can be asked for.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(tag = "verb", rename_all = "lowercase", deny_unknown_fields)]
-pub(crate) enum Request {
-    /// Whether anybody is there.
-    Ping,
-    /// The robot as it stands.
-    Status,
-    /// The robot down, in order.
-    Down,
-    /// What has happened to one node or to all; and, where one follows, what will.
-    Events {
-        node: Option<String>,
-        #[serde(default)]
-        follow: bool,
-    },
-    /// The last lines that one node or all have written; and, where one follows, what will be.
-    Logs {
-        node: Option<String>,
-        #[serde(default)]
-        follow: bool,
-        #[serde(default = "lines")]
-        lines: usize,
-    },
-    /// See [`crate::machine::Ask`].
-    Restart { node: String },
-    /// See [`crate::machine::Ask`].
-    Start { node: String },
-    /// See [`crate::machine::Ask`].
-    Stop { node: String },
-}
 
 /// How each of them is called.
 const VERBS: [&str; 8] = ["ping", "status", "down", "events", "logs", "restart", "start", "stop"];
@@ -93,10 +59,6 @@ fn parse(line: &[u8]) -> Result<Request, String> {
     }
 }
 
-const fn lines() -> usize {
-    LINES
-}
-
 /// The beginning, as a terminal can be shown it.
 fn quote(text: &str) -> String {
     text.chars().take(QUOTE_MAX).map(|c| if c.is_control() { '\u{fffd}' } else { c }).collect()
@@ -108,6 +70,7 @@ mod tests {
     use rand_chacha::rand_core::{Rng, SeedableRng};
 
     use super::*;
+    use node::control::LINES;
 
     fn parsed(text: &str) -> Result<Request, String> {
         RequestLine::default().push(format!("{text}\n").as_bytes()).unwrap()

@@ -10,11 +10,11 @@ use std::time::Duration;
 
 use clap::Args;
 use interfaces::topics::MOTION_STATE;
+use node::control::Failure;
 use node::launch::{Launch, Restart};
 use node::{Error, Namespace, Settings, signal};
 use serde_json::Value;
 
-use super::Failure;
 use super::say::say;
 use robot::Robot;
 use schedule::Rates;

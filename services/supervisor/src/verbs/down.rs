@@ -3,14 +3,12 @@
 use std::fs;
 use std::time::Duration;
 
+use node::control::{self, Connection, Failure, Heard, Request, told};
 use node::{Namespace, clock};
 use rustix::fs::FlockOperation;
 use serde_json::Value;
 
-use super::Failure;
-use super::connection::{self, Connection, Heard, told};
 use super::say::{say, shown};
-use crate::control::Request;
 use crate::{guardian, last_words};
 
 /// Between two looks at what is left.
@@ -19,7 +17,7 @@ const POLL: Duration = Duration::from_millis(5);
 /// Takes the robot down. One that does not run is down already.
 pub(super) fn down(robot: Option<&str>, wait: Duration) -> Result<u8, Failure> {
     let until = clock::now().after(wait);
-    let opened = connection::find(robot)
+    let opened = control::find(robot)
         .and_then(|namespace| Ok((Connection::open(&namespace, &Request::Down)?, namespace)));
     let (mut connection, namespace) = match opened {
         Ok(opened) => opened,
@@ -28,7 +26,7 @@ pub(super) fn down(robot: Option<&str>, wait: Duration) -> Result<u8, Failure> {
     };
     let robot = namespace.robot();
     let late = || Failure::TooLong(format!("robot '{robot}' is still going down after {wait:?}"));
-    let mut guardian = connection::guardian(&namespace);
+    let mut guardian = control::guardian(&namespace);
     let ended = loop {
         match connection.hear(Some(until))? {
             Heard::Line(line) => {

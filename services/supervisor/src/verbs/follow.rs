@@ -2,13 +2,11 @@
 
 use std::collections::BTreeMap;
 
+use node::control::{self, Connection, Failure, Heard, Request, told};
 use node::signal;
 use serde_json::Value;
 
-use super::Failure;
-use super::connection::{self, Connection, Heard, told};
 use super::say::{say, shown, time_of_day};
-use crate::control::Request;
 
 /// [character] Of a node's name, before a longer one has been seen.
 const NAME_MIN: usize = 10;
@@ -28,7 +26,7 @@ impl Feed {
         follow: bool,
         json: bool,
     ) -> Result<u8, Failure> {
-        let namespace = connection::find(robot)?;
+        let namespace = control::find(robot)?;
         if follow {
             signal::listen();
         }

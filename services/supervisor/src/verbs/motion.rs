@@ -5,10 +5,10 @@ use std::time::Duration;
 
 use interfaces::topics::{MOTION_REQUEST, MOTION_STATE};
 use interfaces::{MotionState, Permission, StopCause};
+use node::control::{self, Failure};
 use node::{Clock, EmergencyStop, Namespace, Publisher, Session, clock};
 
 use super::say::say;
-use super::{Failure, connection};
 
 /// Whoever drives wheels answers within one turn of its loop.
 const PATIENCE: Duration = Duration::from_secs(2);
@@ -60,8 +60,8 @@ fn robots(name: Option<&str>) -> Result<Vec<Namespace>, Failure> {
 
 /// Arms a robot that was stopped too often, or has not been armed since its start.
 pub(super) fn arm(robot: Option<&str>) -> Result<u8, Failure> {
-    let namespace = connection::find(robot)?;
-    let status = connection::look(&namespace);
+    let namespace = control::find(robot)?;
+    let status = control::look(&namespace);
     let is_lockstep = status.is_some_and(|status| status["clock"] == "lockstep");
     let clock = if is_lockstep { Clock::Lockstep } else { Clock::Realtime };
     let session = Session::join(&namespace, "arm", node::uncounted_epoch(clock::now()))
@@ -86,7 +86,7 @@ pub(super) fn arm(robot: Option<&str>) -> Result<u8, Failure> {
             let why = format!("robot '{robot}': whoever drives its wheels does not answer");
             return Err(Failure::TooLong(why));
         }
-        connection::check_stop()?;
+        control::check_stop()?;
         clock::nap(POLL);
     }
 }

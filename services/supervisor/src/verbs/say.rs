@@ -3,9 +3,8 @@
 use std::io::{ErrorKind, IsTerminal, Write};
 use std::time::Duration;
 
+use node::control::Failure;
 use serde_json::Value;
-
-use super::Failure;
 
 /// Prints it on standard output, as one line or as many as it has.
 pub(super) fn say(text: &str) -> Result<(), Failure> {

@@ -3,13 +3,12 @@
 use std::io::IsTerminal;
 use std::time::Duration;
 
+use node::control::{self, Connection, Failure, Request};
 use node::{Namespace, clock, signal};
 use serde_json::Value;
 
-use super::connection::{self, Connection};
 use super::say::{say, wants_colours};
-use super::{Failure, table};
-use crate::control::Request;
+use super::table;
 
 /// Between two looks.
 const PERIOD: Duration = Duration::from_secs(1);
@@ -47,8 +46,8 @@ pub(super) fn watch(namespace: &Namespace, json: bool) -> Result<u8, Failure> {
         };
         say(&if is_redrawn { redrawn(&text) } else { text })?;
         while clock::now() < due {
-            connection::check_stop()?;
-            connection::wait(None, Some(due.since(clock::now())));
+            control::check_stop()?;
+            control::wait(None, Some(due.since(clock::now())));
         }
     }
 }

@@ -2,13 +2,11 @@
 
 use std::time::Duration;
 
+use node::control::{Connection, Failure, Heard, Request, told};
 use node::{Namespace, clock};
 
-use super::Failure;
-use super::connection::{Connection, Heard, told};
 use super::follow::{Feed, Layout};
 use super::say::say;
-use crate::control::Request;
 
 /// Where a node is wanted.
 #[derive(Debug, Clone, Copy)]

@@ -3,9 +3,9 @@
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use node::clock;
+use node::control::{self, Connection, Heard};
 use serde_json::{Value, json};
 
-use super::connection::{self, Connection, Heard};
 use super::*;
 use crate::control::{ClientId, Control};
 
@@ -69,7 +69,7 @@ fn the_exit_code_says_how_the_robot_is() {
     }
     let absent = Namespace::new("verbs-nobody").unwrap();
     assert_eq!(status::once(&absent, true).unwrap_err().code(), 3);
-    assert_eq!(connection::find(Some("../x")).unwrap_err().code(), 2);
+    assert_eq!(control::find(Some("../x")).unwrap_err().code(), 2);
 }
 
 #[test]

@@ -1,14 +1,12 @@
 //! `teseo why`: what is known of one node, as a few sentences.
 
+use node::control::{Connection, Failure, Request, told};
 use node::{Namespace, clock};
 use serde_json::Value;
 
-use super::Failure;
-use super::connection::{Connection, told};
 use super::follow::{Feed, Layout, all};
 use super::say::{say, shown, span, time_of_day};
 use super::table::state;
-use crate::control::Request;
 
 /// [-] The last words of a life that failed.
 const LINES: usize = 5;

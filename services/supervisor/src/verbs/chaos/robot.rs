@@ -8,6 +8,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
 use interfaces::Stamp;
+use node::control::{self, Connection, Failure, Heard, Request, told};
 use node::{Namespace, clock};
 use rustix::fs::MemfdFlags;
 use rustix::process::{Pid, PidfdFlags, Signal, pidfd_open, pidfd_send_signal};
@@ -15,10 +16,8 @@ use serde_json::Value;
 
 use super::schedule::{Blow, What};
 use super::story::Struck;
-use crate::control::Request;
-use crate::verbs::connection::{self, Connection, Heard, told};
+use crate::verbs::motion;
 use crate::verbs::say::say;
-use crate::verbs::{Failure, motion};
 use crate::{guardian, last_words, shim};
 
 /// A robot is ready, or down, long before this, also on a busy machine.
@@ -89,7 +88,7 @@ impl<'a> Robot<'a> {
 
     /// The robot as it stands, if it is ours.
     pub(super) fn status(&self) -> Result<Value, Failure> {
-        let status = connection::look(self.namespace);
+        let status = control::look(self.namespace);
         let ours = status.filter(|status| status["guardian"] == self.child.id());
         ours.ok_or_else(|| Failure::NotRunning("the robot does not answer".to_owned()))
     }

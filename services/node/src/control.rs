@@ -1,19 +1,21 @@
-//! A connection to a supervisor: one request, then its answers, each within its time.
+//! The other end of a supervisor's control socket: one request, then its answers, each in its time.
 
 use std::fs;
 use std::io::{ErrorKind, Read, Write};
+use std::os::unix::fs::MetadataExt;
 use std::os::unix::net::UnixStream;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use interfaces::Stamp;
-use node::{Namespace, clock, signal};
 use rustix::event::{PollFd, PollFlags, Timespec};
+use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::Failure;
-use crate::control::Request;
-use crate::lock;
+use crate::{Namespace, clock, signal};
+
+/// [-] Lines of a log, for one who does not say how many.
+pub const LINES: usize = 100;
 
 /// A supervisor that turns at all answers many times faster.
 const PATIENCE: Duration = Duration::from_secs(5);
@@ -21,8 +23,86 @@ const PATIENCE: Duration = Duration::from_secs(5);
 /// Between two attempts to reach a supervisor that is about to listen.
 const POLL: Duration = Duration::from_millis(10);
 
+/// What can be asked for.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(tag = "verb", rename_all = "lowercase", deny_unknown_fields)]
+pub enum Request {
+    /// Whether anybody is there.
+    Ping,
+    /// The robot as it stands.
+    Status,
+    /// The robot down, in order.
+    Down,
+    /// What has happened.
+    Events {
+        /// To this node, or to all.
+        node: Option<String>,
+        /// And what will.
+        #[serde(default)]
+        follow: bool,
+    },
+    /// What nodes have written.
+    Logs {
+        /// This node, or all.
+        node: Option<String>,
+        /// And what will be.
+        #[serde(default)]
+        follow: bool,
+        /// [-] The last so many lines.
+        #[serde(default = "lines")]
+        lines: usize,
+    },
+    /// A node and whoever requires it, down and up again.
+    Restart {
+        /// The node.
+        node: String,
+    },
+    /// A node and whoever it requires, up.
+    Start {
+        /// The node.
+        node: String,
+    },
+    /// A node and whoever requires it, down until it is started again.
+    Stop {
+        /// The node.
+        node: String,
+    },
+}
+
+const fn lines() -> usize {
+    LINES
+}
+
+/// Why a verb did not do what it was asked for.
+#[derive(Debug)]
+pub enum Failure {
+    /// Whoever asked wants to know no more: it pressed Ctrl-C, or closed our standard output.
+    Unwanted,
+    /// The supervisor says no, or cannot be understood.
+    Refused(String),
+    /// It is not clear which robot is meant.
+    Unclear(String),
+    /// The robot does not run.
+    NotRunning(String),
+    /// It took too long.
+    TooLong(String),
+}
+
+impl Failure {
+    /// What a verb exits with.
+    pub const fn code(&self) -> u8 {
+        match self {
+            Self::Unwanted => 0,
+            Self::Refused(_) => 1,
+            Self::Unclear(_) => 2,
+            Self::NotRunning(_) => 3,
+            Self::TooLong(_) => 124,
+        }
+    }
+}
+
 /// The robot that is meant: by its name, or because no other runs.
-pub(super) fn find(name: Option<&str>) -> Result<Namespace, Failure> {
+pub fn find(name: Option<&str>) -> Result<Namespace, Failure> {
     if let Some(name) = name {
         return Namespace::new(name).map_err(|error| Failure::Unclear(error.to_string()));
     }
@@ -42,7 +122,8 @@ pub(super) fn find(name: Option<&str>) -> Result<Namespace, Failure> {
     }
 }
 
-pub(super) fn is_running(namespace: &Namespace) -> bool {
+/// Whether somebody holds the robot or listens for it.
+pub fn is_running(namespace: &Namespace) -> bool {
     UnixStream::connect(socket(namespace)).is_ok() || guardian(namespace).is_some()
 }
 
@@ -52,14 +133,14 @@ fn socket(namespace: &Namespace) -> PathBuf {
 
 /// The process that holds the robot, though perhaps no supervisor listens yet, or any more. The
 /// lock itself is not tried: that would turn away a guardian that tries it at the same time.
-pub(super) fn guardian(namespace: &Namespace) -> Option<u32> {
+pub fn guardian(namespace: &Namespace) -> Option<u32> {
     let pid: u32 = fs::read_to_string(namespace.lock()).ok()?.trim().parse().ok()?;
     // Another process may have the number by now.
-    lock::is_open_in(pid, &namespace.lock()).then_some(pid)
+    is_open_in(pid, &namespace.lock()).then_some(pid)
 }
 
 /// The robot as it stands, where anybody can tell at this moment.
-pub(super) fn look(namespace: &Namespace) -> Option<Value> {
+pub fn look(namespace: &Namespace) -> Option<Value> {
     let stream = UnixStream::connect(socket(namespace)).ok()?;
     let mut connection = Connection::of(namespace, stream, &Request::Status).ok()?;
     connection.answer().ok()
@@ -67,7 +148,7 @@ pub(super) fn look(namespace: &Namespace) -> Option<Value> {
 
 /// What is heard from a supervisor.
 #[derive(Debug, PartialEq, Eq)]
-pub(super) enum Heard {
+pub enum Heard {
     /// One line of its answer.
     Line(String),
     /// That there is no more.
@@ -78,7 +159,7 @@ pub(super) enum Heard {
 
 /// One request and its answers.
 #[derive(Debug)]
-pub(super) struct Connection {
+pub struct Connection {
     robot: String,
     guardian: Option<u32>,
     stream: UnixStream,
@@ -88,7 +169,7 @@ pub(super) struct Connection {
 
 impl Connection {
     /// Asks; waits for a supervisor that is about to listen.
-    pub(super) fn open(namespace: &Namespace, request: &Request) -> Result<Self, Failure> {
+    pub fn open(namespace: &Namespace, request: &Request) -> Result<Self, Failure> {
         let until = clock::now().after(PATIENCE);
         loop {
             let cause = match UnixStream::connect(socket(namespace)) {
@@ -134,7 +215,7 @@ impl Connection {
     }
 
     /// Its one answer.
-    pub(super) fn answer(&mut self) -> Result<Value, Failure> {
+    pub fn answer(&mut self) -> Result<Value, Failure> {
         match self.next_in_time()? {
             Some(line) => told(&line),
             None => Err(self.gone()),
@@ -142,7 +223,7 @@ impl Connection {
     }
 
     /// The next line of its answer, which is due; nothing where there is no more.
-    pub(super) fn next_in_time(&mut self) -> Result<Option<String>, Failure> {
+    pub fn next_in_time(&mut self) -> Result<Option<String>, Failure> {
         match self.hear(Some(clock::now().after(PATIENCE)))? {
             Heard::Line(line) => Ok(Some(line)),
             Heard::End => Ok(None),
@@ -151,7 +232,7 @@ impl Connection {
     }
 
     /// Waits for the next line; where `until` says nothing, for ever.
-    pub(super) fn hear(&mut self, until: Option<Stamp>) -> Result<Heard, Failure> {
+    pub fn hear(&mut self, until: Option<Stamp>) -> Result<Heard, Failure> {
         loop {
             if let Some(end) = self.come.iter().position(|&byte| byte == b'\n') {
                 let line: Vec<_> = self.come.drain(..=end).collect();
@@ -177,13 +258,13 @@ impl Connection {
     }
 
     /// That it has ended without an answer.
-    pub(super) fn gone(&self) -> Failure {
+    pub fn gone(&self) -> Failure {
         Failure::NotRunning(format!("robot '{}' went away", self.robot))
     }
 }
 
 /// Waits until something has come or Ctrl-C was pressed, but no longer than `timeout`.
-pub(super) fn wait(stream: Option<&UnixStream>, timeout: Option<Duration>) {
+pub fn wait(stream: Option<&UnixStream>, timeout: Option<Duration>) {
     let mut fds: Vec<_> =
         stream.map(|stream| PollFd::new(stream, PollFlags::IN)).into_iter().collect();
     fds.extend(signal::wake().map(|wake| PollFd::new(wake, PollFlags::IN)));
@@ -194,12 +275,12 @@ pub(super) fn wait(stream: Option<&UnixStream>, timeout: Option<Duration>) {
 }
 
 /// Ctrl-C ends whoever follows; see [`signal::listen`].
-pub(super) fn check_stop() -> Result<(), Failure> {
+pub fn check_stop() -> Result<(), Failure> {
     if 0 < signal::stop_requests() { Err(Failure::Unwanted) } else { Ok(()) }
 }
 
 /// What a line says, or why the supervisor says no.
-pub(super) fn told(line: &str) -> Result<Value, Failure> {
+pub fn told(line: &str) -> Result<Value, Failure> {
     let value: Value = serde_json::from_str(line).map_err(|cause| {
         Failure::Refused(format!("the supervisor's answer is none ({cause}); is it of this build?"))
     })?;
@@ -214,4 +295,12 @@ fn silent(robot: &str, guardian: Option<u32>) -> Failure {
         format!("; SIGTERM three times to its guardian, process {pid}, ends it without an answer")
     });
     Failure::TooLong(format!("the supervisor of robot '{robot}' does not answer{help}"))
+}
+
+/// Whether the process has this file open.
+pub fn is_open_in(pid: u32, path: &Path) -> bool {
+    let Ok(file) = fs::metadata(path) else { return false };
+    let entries = fs::read_dir(format!("/proc/{pid}/fd")).into_iter().flatten().flatten();
+    let is_it = |other: &fs::Metadata| (other.dev(), other.ino()) == (file.dev(), file.ino());
+    entries.map(|entry| entry.path()).any(|path| fs::metadata(path).is_ok_and(|file| is_it(&file)))
 }
