@@ -123,10 +123,13 @@ impl Namespace {
         self.create_directory()?;
         let path = self.directory.join(TRANSPORT_CONFIG);
         // The global configuration, not one of each node: iceoryx2 cleans up after the dead in
-        // the global one's place.
+        // the global one's place. It does so once, when a process joins: looking for the dead at each
+        // topic that is opened took half of a node's configuration.
         let text = format!(
-            "[global]\nroot-path = \"{}\"\nprefix = \"{}\"\n\n[defaults.publish-subscribe]\n\
-             subscriber-expired-connection-buffer = {EXPIRED_CONNECTIONS}\n",
+            "[global]\nroot-path = \"{}\"\nprefix = \"{}\"\n\n\
+             [global.node]\ncleanup-dead-nodes-on-destruction = false\n\n\
+             [global.service]\ncleanup-dead-nodes-on-open = false\n\n\
+             [defaults.publish-subscribe]\nsubscriber-expired-connection-buffer = {EXPIRED_CONNECTIONS}\n",
             self.directory.display(),
             self.prefix
         );

@@ -201,10 +201,10 @@ impl Report {
         self.topics.get("scan").is_some_and(|topic| topic.publisher == name)
     }
 
-    fn real_time_factor(&self) -> f64 {
-        let simulated = self.figure("simulated_s").unwrap_or_default();
+    /// None of a robot that drives in the real world.
+    fn real_time_factor(&self) -> Option<f64> {
         let wall = self.wall.as_secs_f64();
-        if 0.0 < wall { simulated / wall } else { 0.0 }
+        self.figure("simulated_s").map(|simulated| if 0.0 < wall { simulated / wall } else { 0.0 })
     }
 
     /// For a machine.
@@ -260,16 +260,22 @@ impl Report {
         let run: Vec<_> = self
             .run
             .iter()
+            .filter(|(_, value)| !value.is_null())
             .map(|(key, value)| {
                 let value = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
                 format!("{key} {value}")
             })
             .collect();
         wrapped(text, "run", &run);
-        let simulated = self.figure("simulated_s").unwrap_or_default();
         let wall = self.wall.as_secs_f64();
-        let factor = self.real_time_factor();
-        line(text, "time", &format!("{simulated:.2} s in {wall:.2} s, {factor:.0} x real time"));
+        let simulated = self.figure("simulated_s").zip(self.real_time_factor());
+        let time = simulated.map_or_else(
+            || format!("{wall:.2} s"),
+            |(simulated, factor)| {
+                format!("{simulated:.2} s in {wall:.2} s, {factor:.0} x real time")
+            },
+        );
+        line(text, "time", &time);
         for (name, keys) in LINES {
             let figures = keys
                 .iter()
@@ -279,13 +285,16 @@ impl Report {
                 wrapped(text, name, &figures);
             }
         }
-        let unpaired: Vec<_> = self
+        let (ages, unpaired): (Vec<_>, Vec<_>) = self
             .node(PAIRING)
             .filter(|(key, figure)| !PAIRED.contains(key) && 0.0 < *figure)
-            .map(|(key, figure)| figure_text(key, figure))
-            .collect();
-        if !unpaired.is_empty() {
-            wrapped(text, "unpaired", &unpaired);
+            .partition(|(key, _)| key.starts_with("age_"));
+        for (name, figures) in [("", ages), ("unpaired", unpaired)] {
+            let figures: Vec<_> =
+                figures.into_iter().map(|(key, figure)| figure_text(key, figure)).collect();
+            if !figures.is_empty() {
+                wrapped(text, name, &figures);
+            }
         }
         self.write_others(text);
     }
