@@ -138,7 +138,5 @@ impl Line {
 impl Drop for Line {
     fn drop(&mut self) {
         self.unplug();
-        // The last one takes the directory along, unless something of somebody else's is in it.
-        let _ = self.link.parent().map(std::fs::remove_dir);
     }
 }

@@ -2,6 +2,7 @@
 
 use std::io::Write;
 use std::os::fd::{AsFd, BorrowedFd};
+use std::path::PathBuf;
 use std::time::Duration;
 
 use interfaces::Stamp;
@@ -43,6 +44,15 @@ pub fn run(options: &Options, world: &mut dyn World) -> Result {
     }
 }
 
+impl Drop for Robot {
+    fn drop(&mut self) {
+        self.board.unplug();
+        self.lidar.unplug();
+        // Unless somebody has put something into it.
+        let _ = self.directory.take().map(std::fs::remove_dir);
+    }
+}
+
 /// Says when, on the clock of everybody's stamps, and what.
 fn say(now: Stamp, what: &str) {
     let mut out = std::io::stdout().lock();
@@ -70,12 +80,15 @@ struct Robot {
     is_alive: bool,
     /// What was said on standard input and is no whole line yet; `None` once that is closed.
     orders: Option<Vec<u8>>,
+    /// The ports' directory, where it is of its own making.
+    directory: Option<PathBuf>,
 }
 
 impl Robot {
     fn new(options: &Options, now: Stamp) -> Result<Self> {
         let directory = options.directory();
         let failed = |cause| Error::File { path: directory.clone(), cause };
+        let was_there = directory.is_dir();
         std::fs::create_dir_all(&directory).map_err(failed)?;
         let (board, lidar) = (directory.join("board"), directory.join("lidar"));
         Ok(Self {
@@ -93,6 +106,7 @@ impl Robot {
             turns: false,
             is_alive: false,
             orders: Some(Vec::new()),
+            directory: (!was_there).then_some(directory),
         })
     }
 
