@@ -7,12 +7,9 @@ use interfaces::{Permission, Stamp, StopCause};
 use node::{Session, clock};
 use rustix::process::Signal;
 
-use crate::emulated::{Emulated, occupy};
+use crate::emulated::{Emulated, FIRMWARE, occupy};
 use crate::robot::{Robot, Run, alone};
 use crate::witness::Witness;
-
-/// The firmware's watchdog and one of its motor cycles.
-const FIRMWARE: Duration = Duration::from_millis(520);
 
 /// The robot that drives, but restarts nobody, and bears a busy machine.
 const CALM: [(&str, &str); 2] = [("restart = \"on-failure\"\n", ""), ("watchdog_ms = 500\n", "")];

@@ -4,8 +4,10 @@
 //! `SEED` says which cells and moments, `CELLS` which cells by a part of their names, `RUNS` how often
 //! each; scripts/crash-matrix runs all of them often, and makes the README's table.
 
+mod cell;
+mod table;
+
 use std::collections::BTreeMap;
-use std::fmt::{self, Display, Formatter, Write};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -15,15 +17,15 @@ use interfaces::{JointState, MotionState, Permission, Stamp, StopCause};
 use node::{Session, clock};
 use rustix::process::Signal;
 
+use crate::emulated::{Emulated, FIRMWARE};
 use crate::random::Random;
 use crate::robot::{Process, Robot, Run, alone_with, wait_until};
-use crate::witness::{WHEEL_RADIUS, Witness};
+use crate::witness::Witness;
+use cell::{Body, Cell, Fault, Phase, Victim};
+use table::Table;
 
 /// The robot that restarts what dies.
 const LAB_ROBOT: &str = include_str!("../config/lab_robot.toml");
-
-const TEST: &str =
-    "crash_matrix::whatever_dies_or_hangs_the_robot_stops_and_drives_on_where_it_may";
 
 /// [-] Of the cells, so many as a test has time for.
 const CELLS: usize = 10;
@@ -37,12 +39,6 @@ const TIMEOUT: (Duration, Duration) = (Duration::from_millis(200), Duration::fro
 /// The dead-man's default: for so long commands come before they move a robot that was stopped.
 const REARM_AFTER: Duration = Duration::from_millis(500);
 
-/// [ms] Within this after the last valid command the stop is commanded: the time-out, and 20 ms.
-const GOAL_SILENCE: f64 = 220.0;
-
-/// [ms] Within this after the loss of the supervisor.
-const GOAL_SUPERVISOR: f64 = 50.0;
-
 /// A hanging guardian or supervisor hangs for so long: longer than anything waits for it.
 const HANG: Duration = Duration::from_secs(1);
 
@@ -52,57 +48,37 @@ const STILL_AFTER: Duration = Duration::from_millis(110);
 /// [rad/s] Less than any command asks for.
 const SPEED_MIN: f64 = 0.5;
 
-/// [m] Between a TurtleBot3 Burger's wheels.
-const TRACK: f64 = 0.16;
-
 /// A robot is down long before this, also on a busy machine.
 const PATIENCE: Duration = Duration::from_secs(20);
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Fault {
-    Kill,
-    Stop,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Victim {
-    Guardian,
-    Supervisor,
-    GuardianAndSupervisor,
-    Odometry,
-    Controller,
-    Simulator,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Phase {
-    StartUp,
-    Configuring,
-    Straight,
-    Turning,
-    Stopping,
-}
-
-/// What happens to whom, and when.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-struct Cell {
-    fault: Fault,
-    victim: Victim,
-    phase: Phase,
-}
 
 /// What was measured, by name: times in milliseconds, ways in millimetres, and files.
 type Figures = BTreeMap<String, f64>;
 
 #[test]
 fn whatever_dies_or_hangs_the_robot_stops_and_drives_on_where_it_may() {
+    see_all(
+        Body::Simulated,
+        "crash_matrix::whatever_dies_or_hangs_the_robot_stops_and_drives_on_where_it_may",
+    );
+}
+
+#[test]
+fn whatever_dies_or_hangs_the_wheels_of_an_emulated_robot_stand_and_drive_on_where_they_may() {
+    see_all(
+        Body::Emulated,
+        "crash_matrix::whatever_dies_or_hangs_the_wheels_of_an_emulated_robot_stand_and_drive_on_where_they_may",
+    );
+}
+
+/// All that the environment asks for, with one of the robots, by the test of this name.
+fn see_all(body: Body, test: &str) {
     let seed = number("SEED").unwrap_or(1);
     let runs = number("RUNS");
-    let cells = chosen(seed);
+    let cells = chosen(body, seed);
     let jobs: Vec<_> = (0..runs.unwrap_or(1))
         .flat_map(|run| cells.iter().map(move |cell| (*cell, seed + run)))
         .collect();
-    let Some((table, failures)) = measure(&jobs) else { return };
+    let Some((table, failures)) = measure(test, &jobs) else { return };
     println!("seed {seed}, {} runs of {} cells\n", jobs.len() / cells.len(), cells.len());
     println!("{}", table.print());
     assert_eq!(failures, [""; 0], "SEED={seed}");
@@ -112,12 +88,12 @@ fn whatever_dies_or_hangs_the_robot_stops_and_drives_on_where_it_may() {
 }
 
 /// The cells that the environment names, or else a few that the seed does.
-fn chosen(seed: u64) -> Vec<Cell> {
+fn chosen(body: Body, seed: u64) -> Vec<Cell> {
+    let mut cells = Cell::all(body);
     if let Ok(part) = std::env::var("CELLS") {
-        let cells = Cell::all().into_iter();
-        return cells.filter(|cell| cell.to_string().contains(&part)).collect();
+        cells.retain(|cell| cell.to_string().contains(&part));
+        return cells;
     }
-    let mut cells = Cell::all();
     let mut random = Random(seed);
     while number("RUNS").is_none() && CELLS < cells.len() {
         cells.swap_remove(random.below(cells.len()));
@@ -131,14 +107,14 @@ fn number(name: &str) -> Option<u64> {
 
 /// Does all `jobs`, a few at a time, each in a process of its own; returns what came of them, and what
 /// went wrong. None in such a process.
-fn measure(jobs: &[(Cell, u64)]) -> Option<(Table, Vec<String>)> {
+fn measure(test: &str, jobs: &[(Cell, u64)]) -> Option<(Table, Vec<String>)> {
     let next = AtomicUsize::new(0);
     let table = Mutex::new(Table::default());
     let failures = Mutex::new(Vec::new());
     let is_alone = std::thread::scope(|scope| {
         let work = || {
             while let Some((cell, seed)) = jobs.get(next.fetch_add(1, Ordering::Relaxed)) {
-                match catch_unwind(AssertUnwindSafe(|| run_alone(*cell, *seed))) {
+                match catch_unwind(AssertUnwindSafe(|| run_alone(test, *cell, *seed))) {
                     Ok(None) => return true,
                     Ok(Some(figures)) => table.lock().unwrap().add(*cell, figures),
                     Err(_) => failures.lock().unwrap().push(format!("{cell}, SEED={seed}")),
@@ -153,11 +129,11 @@ fn measure(jobs: &[(Cell, u64)]) -> Option<(Table, Vec<String>)> {
     (!is_alone).then(|| (table.into_inner().unwrap(), failures.into_inner().unwrap()))
 }
 
-/// This same test once more, with one robot and one fault.
-fn run_alone(cell: Cell, seed: u64) -> Option<Figures> {
+/// The same test once more, with one robot and one fault.
+fn run_alone(test: &str, cell: Cell, seed: u64) -> Option<Figures> {
     let environment =
         [("SEED", seed.to_string()), ("RUNS", "1".to_owned()), ("CELLS", cell.to_string())];
-    let output = alone_with(TEST, &environment, |robot| {
+    let output = alone_with(test, &environment, |robot| {
         let figures = Scene::new(robot, cell, seed).play();
         println!("\nfigures {}", serde_json::to_string(&figures).unwrap());
     })?;
@@ -168,6 +144,7 @@ fn run_alone(cell: Cell, seed: u64) -> Option<Figures> {
 /// One robot to which one thing happens.
 struct Scene<'a> {
     robot: &'a Robot,
+    emulated: Option<Emulated<'a>>,
     cell: Cell,
     random: Random,
     launch_file: String,
@@ -176,16 +153,23 @@ struct Scene<'a> {
 
 impl<'a> Scene<'a> {
     fn new(robot: &'a Robot, cell: Cell, seed: u64) -> Self {
-        let number = Cell::all().iter().position(|other| *other == cell).unwrap();
-        let quick = "start = \"inner\"";
-        let impatient = "watchdog_ms = 500\nstart_timeout_ms = 1000";
-        let launch_file = robot.launch_file_from(
-            LAB_ROBOT,
-            // The first corner is two seconds away.
-            &[("start = \"outer\"", quick), ("watchdog_ms = 500", impatient)],
-        );
+        let number = Cell::all(cell.body).iter().position(|other| *other == cell).unwrap();
         let random = Random(seed << 8 | number as u64);
-        Self { robot, cell, random, launch_file, figures: Figures::new() }
+        // The first corner of the inner corridor is two seconds away.
+        let (emulated, launch_file) = match cell.body {
+            Body::Simulated => {
+                let inner = ("start = \"outer\"", "start = \"inner\"");
+                let impatient = ("watchdog_ms = 500", "watchdog_ms = 500\nstart_timeout_ms = 1000");
+                (None, robot.launch_file_from(LAB_ROBOT, &[inner, impatient]))
+            }
+            Body::Emulated => {
+                let emulated = Emulated::start(robot, &["--start", "inner"]);
+                let impatient = ("watchdog_ms = 500", "watchdog_ms = 500\nstart_timeout_ms = 3000");
+                let launch_file = emulated.launch_file(robot, &[impatient]);
+                (Some(emulated), launch_file)
+            }
+        };
+        Self { robot, emulated, cell, random, launch_file, figures: Figures::new() }
     }
 
     fn play(mut self) -> Figures {
@@ -194,6 +178,9 @@ impl<'a> Scene<'a> {
             self.play_at_rest(run);
         } else {
             self.play_in_motion(run);
+        }
+        if let Some(emulated) = self.emulated.take() {
+            emulated.stop();
         }
         self.robot.assert_nothing_left();
         self.note("files", self.robot.files().len() as f64);
@@ -206,7 +193,7 @@ impl<'a> Scene<'a> {
         assert!(begun, "{cell}: never came so far\n{}", run.output());
         let run = run.go_on(self.random.duration(cell.phase.length()));
         let was_ready = run.output().matches("READY").count();
-        let victims = cell.victim.processes(&run);
+        let victims = cell.processes(&run);
         let mut struck = strike(&victims, cell.fault);
         if cell.ends_the_run() {
             return self.see_nothing_left(run, struck);
@@ -235,7 +222,7 @@ impl<'a> Scene<'a> {
             witness.wheels.last().is_some_and(|wheels| cell.phase.is_shown_by(wheels))
         });
         assert!(begun, "{cell}: never came so far\n{}", run.output());
-        let victims = cell.victim.processes(&run);
+        let victims = cell.processes(&run);
         let told = witness.told.len();
         let was_ready = run.output().matches("READY").count();
         if cell.phase == Phase::Stopping {
@@ -246,6 +233,8 @@ impl<'a> Scene<'a> {
 
         if cell.stops_the_wheels() {
             self.see_stop(&run, &mut witness, told, struck);
+        } else if !cell.has_wheels_left() {
+            self.see_firmware_stop(struck);
         }
         if cell.needs_hands() {
             witness.watch_for(HANG);
@@ -278,7 +267,7 @@ impl<'a> Scene<'a> {
             // A node that came back before the dead-man's time was over has stopped nobody.
             !witness.told[told..].iter().any(is_stopped) && HANG < clock::now().since(struck)
         };
-        let may_move_on = !self.cell.ends_the_run() && self.cell.fault == Fault::Kill;
+        let may_move_on = self.cell.may_move_on();
         let seen = witness.watch_until(|witness| {
             witness.told[told..].iter().any(is_held) || (may_move_on && moves_on(witness))
         });
@@ -294,8 +283,21 @@ impl<'a> Scene<'a> {
         let least = if stop.cause == StopCause::Silence as u8 { TIMEOUT.0 } else { Duration::ZERO };
         assert!(least <= silent && silent < TIMEOUT.1, "{}: stop after {silent:?}", self.cell);
         self.note(if is_lost { "lost" } else { "silent" }, milliseconds(silent));
-        self.note("standstill", milliseconds(held.since(struck)));
+        // The bridge says what it commanded, the emulated robot what its wheels did.
+        let stood = self.emulated.as_ref().and_then(|emulated| emulated.await_stand(struck));
+        self.note("standstill", milliseconds(stood.unwrap_or(held).since(struck)));
         self.note("way", 1e3 * witness.way(struck, held));
+    }
+
+    /// Nobody tells the wheels anything: where they are not gone with the simulator, the robot's own
+    /// firmware stops them, or the bridge's next life.
+    fn see_firmware_stop(&mut self, struck: Stamp) {
+        let Some(emulated) = &self.emulated else { return };
+        let Some(stood) = emulated.await_stand(struck) else { return };
+        let after = stood.since(struck);
+        // With what a busy machine adds to the emulator.
+        assert!(after < FIRMWARE + Duration::from_secs(1), "{}: stand after {after:?}", self.cell);
+        self.note("standstill", milliseconds(after));
     }
 
     /// The wheels move, as they may.
@@ -323,11 +325,18 @@ impl<'a> Scene<'a> {
         let ended = run.wait();
         let codes: &[i32] = if self.cell.ends_the_run() { &[128 + 9, 0, 6] } else { &[0, 3, 6] };
         assert!(codes.contains(&ended.code), "{}\n{}", self.cell, ended.story());
-        let gone = wait_until(PATIENCE, || self.robot.processes().is_empty());
-        assert!(gone, "{}: {:?} survive", self.cell, self.robot.processes());
+        let gone = wait_until(PATIENCE, || self.survivors().is_empty());
+        assert!(gone, "{}: {:?} survive", self.cell, self.survivors());
         self.note("back", milliseconds(clock::now().since(struck)));
         self.note("before", self.robot.files().len() as f64);
         self.robot.start_up(&[&self.launch_file]).await_count("READY", 1).stop();
+    }
+
+    /// The robot's processes; the emulated body is none of them.
+    fn survivors(&self) -> Vec<Process> {
+        let mut processes = self.robot.processes();
+        processes.retain(|process| !process.command().contains(&"emulate".to_owned()));
+        processes
     }
 
     fn note(&mut self, name: &str, figure: f64) {
@@ -396,234 +405,4 @@ fn end(run: Run<'_>) {
 
 fn milliseconds(duration: Duration) -> f64 {
     1e3 * duration.as_secs_f64()
-}
-
-impl Cell {
-    fn all() -> Vec<Self> {
-        let mut cells = Vec::new();
-        for fault in [Fault::Kill, Fault::Stop] {
-            for victim in Victim::ALL {
-                for phase in Phase::ALL {
-                    cells.push(Self { fault, victim, phase });
-                }
-            }
-        }
-        // Stopped together, nobody would be there to wake them.
-        let both = |cell: &Self| cell.victim == Victim::GuardianAndSupervisor;
-        cells.retain(|cell| !(both(cell) && cell.fault == Fault::Stop));
-        cells
-    }
-
-    /// The first columns of its row.
-    fn head(self, figures: &BTreeMap<String, Vec<f64>>) -> String {
-        let (fault, victim, phase) = (self.fault.label(), self.victim.label(), self.phase.label());
-        format!("| {fault} {victim} | {phase} | {}", figures["files"].len())
-    }
-
-    /// The last ones: how the robot came back or was gone, and the most that was left: at once, and
-    /// after the next run.
-    fn tail(self, figures: &BTreeMap<String, Vec<f64>>) -> String {
-        let back = summary(figures, "back");
-        let none = "–".to_owned();
-        let is_over = self.ends_the_run() || self.phase == Phase::Stopping;
-        let (again, gone) = if is_over { (none, back) } else { (back, none) };
-        let worst = |name: &str| figures.get(name).map_or(0.0, |all| all[all.len() - 1]);
-        let (before, after) = (worst("before"), worst("files"));
-        let files = if after < before { format!("{before}, {after}") } else { format!("{after}") };
-        format!("{again} | {gone} | {files} |")
-    }
-
-    /// Whether the wheels have not turned yet.
-    fn is_at_rest(self) -> bool {
-        matches!(self.phase, Phase::StartUp | Phase::Configuring)
-    }
-
-    /// Whether nobody is left who could look after the robot.
-    fn ends_the_run(self) -> bool {
-        self.fault == Fault::Kill && self.victim.looks_after_others()
-    }
-
-    /// Whether nobody but a person, or systemd, ends what hangs.
-    fn needs_hands(self) -> bool {
-        self.fault == Fault::Stop && self.victim.looks_after_others()
-    }
-
-    /// Whether wheels that turn are stopped, and by a process that lives.
-    fn stops_the_wheels(self) -> bool {
-        let is_idle = self.needs_hands() && self.victim == Victim::Guardian;
-        self.victim != Victim::Simulator && (!is_idle || self.phase == Phase::Stopping)
-    }
-
-    /// Whether a start has come to this cell's phase.
-    fn has_begun(self, run: &Run<'_>) -> bool {
-        if self.phase == Phase::StartUp {
-            return !self.victim.processes(run).is_empty();
-        }
-        let former = match self.victim {
-            Victim::Guardian
-            | Victim::Supervisor
-            | Victim::GuardianAndSupervisor
-            | Victim::Simulator => "pairing",
-            Victim::Odometry => "simulator",
-            Victim::Controller => "odometry",
-        };
-        run.output()
-            .lines()
-            .any(|line| line.contains(former) && line.ends_with("unconfigured -> inactive"))
-    }
-}
-
-impl Display for Cell {
-    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        write!(f, "{} {} {}", self.fault.label(), self.victim.label(), self.phase.label())
-    }
-}
-
-impl Fault {
-    fn label(self) -> &'static str {
-        match self {
-            Self::Kill => "SIGKILL",
-            Self::Stop => "SIGSTOP",
-        }
-    }
-}
-
-impl Victim {
-    const ALL: [Self; 6] = [
-        Self::Controller,
-        Self::Odometry,
-        Self::Simulator,
-        Self::Supervisor,
-        Self::Guardian,
-        Self::GuardianAndSupervisor,
-    ];
-
-    fn label(self) -> &'static str {
-        match self {
-            Self::Guardian => "guardian",
-            Self::Supervisor => "supervisor",
-            Self::GuardianAndSupervisor => "guardian and supervisor",
-            Self::Odometry => "odometry",
-            Self::Controller => "controller",
-            Self::Simulator => "simulator",
-        }
-    }
-
-    fn looks_after_others(self) -> bool {
-        matches!(self, Self::Guardian | Self::Supervisor | Self::GuardianAndSupervisor)
-    }
-
-    /// Its processes; none where it has not been started yet.
-    fn processes(self, run: &Run<'_>) -> Vec<Process> {
-        let guardian = run.process();
-        let supervisors = guardian.children();
-        match self {
-            Self::Guardian => vec![guardian],
-            Self::Supervisor => supervisors,
-            Self::GuardianAndSupervisor if supervisors.is_empty() => supervisors,
-            Self::GuardianAndSupervisor => [vec![guardian], supervisors].concat(),
-            Self::Odometry | Self::Controller | Self::Simulator => {
-                let name = format!("--name={}", self.label());
-                let nodes = supervisors.into_iter().flat_map(Process::children);
-                nodes.filter(|node| node.command().contains(&name)).collect()
-            }
-        }
-    }
-}
-
-impl Phase {
-    const ALL: [Self; 5] =
-        [Self::StartUp, Self::Configuring, Self::Straight, Self::Turning, Self::Stopping];
-
-    fn label(self) -> &'static str {
-        match self {
-            Self::StartUp => "starting up",
-            Self::Configuring => "configuring",
-            Self::Straight => "straight",
-            Self::Turning => "turning",
-            Self::Stopping => "stopping",
-        }
-    }
-
-    /// The fault strikes at some moment within this.
-    fn length(self) -> Duration {
-        Duration::from_millis(match self {
-            Self::StartUp => 40,
-            Self::Configuring => 20,
-            // Two periods of the controller.
-            Self::Straight | Self::Turning => 100,
-            // The way to rest, and the end of the processes.
-            Self::Stopping => 200,
-        })
-    }
-
-    /// Whether wheels that do so are those of a robot in this phase, or just before it.
-    fn is_shown_by(self, wheels: &JointState) -> bool {
-        let [left, right] = wheels.velocity;
-        let turning_speed = (right - left) * WHEEL_RADIUS / TRACK;
-        match self {
-            Self::StartUp | Self::Configuring => false,
-            Self::Turning => 0.2 < turning_speed.abs(),
-            Self::Straight | Self::Stopping => 3.0 < left.min(right) && turning_speed.abs() < 0.2,
-        }
-    }
-}
-
-/// What came of all runs, by cell and figure.
-#[derive(Default)]
-struct Table(BTreeMap<Cell, BTreeMap<String, Vec<f64>>>);
-
-impl Table {
-    fn add(&mut self, cell: Cell, figures: Figures) {
-        let all = self.0.entry(cell).or_default();
-        for (name, figure) in figures {
-            let of_name = all.entry(name).or_default();
-            let place = of_name.partition_point(|other| *other < figure);
-            of_name.insert(place, figure);
-        }
-    }
-
-    /// The cells in which the stop came later than it shall.
-    fn missed(&self) -> Vec<String> {
-        let goals = [("silent", GOAL_SILENCE), ("lost", GOAL_SUPERVISOR)];
-        let cells = self.0.iter().flat_map(|(cell, figures)| {
-            goals.iter().filter_map(move |(name, goal)| {
-                let worst = *figures.get(*name)?.last()?;
-                (*goal < worst).then(|| format!("{cell}: {worst:.1} ms of {goal:.0} ms"))
-            })
-        });
-        cells.collect()
-    }
-
-    /// The median and the worst of each figure, as Markdown; the moving robot's cells first.
-    fn print(&self) -> String {
-        let mut text = String::new();
-        let (at_rest, moving): (Vec<_>, Vec<_>) =
-            self.0.iter().partition(|(cell, _)| cell.is_at_rest());
-        text.push_str(
-            "| fault | phase | n | stop commanded | standstill | way, mm | moves again \
-             | nothing left | files |\n|---|---|--:|--:|--:|--:|--:|--:|--:|\n",
-        );
-        for (cell, figures) in moving {
-            // On the way down, the stop has mostly been commanded before the fault.
-            let count = |name: &&str| figures.get(*name).map_or(0, Vec::len);
-            let stop = ["lost", "silent"].into_iter().max_by_key(count).unwrap();
-            let stop = [stop, "standstill", "way"].map(|name| summary(figures, name)).join(" | ");
-            let _ = writeln!(text, "{} | {stop} | {}", cell.head(figures), cell.tail(figures));
-        }
-        text.push_str(
-            "\n| fault | phase | n | moves | nothing left | files |\n|---|---|--:|--:|--:|--:|\n",
-        );
-        for (cell, figures) in at_rest {
-            let _ = writeln!(text, "{} | {}", cell.head(figures), cell.tail(figures));
-        }
-        text
-    }
-}
-
-fn summary(figures: &BTreeMap<String, Vec<f64>>, name: &str) -> String {
-    figures.get(name).map_or_else(
-        || "–".to_owned(),
-        |all| format!("{:.0} / {:.0}", all[(all.len() - 1) / 2], all[all.len() - 1]),
-    )
 }

@@ -11,6 +11,9 @@ use crate::robot::{Robot, Run, wait_until};
 /// The launch file of a real robot.
 pub(crate) const TURTLEBOT3: &str = include_str!("../config/turtlebot3.toml");
 
+/// Its firmware's watchdog and one of its motor cycles.
+pub(crate) const FIRMWARE: Duration = Duration::from_millis(520);
+
 /// Whatever it does, it does it sooner, also on a busy machine.
 const PATIENCE: Duration = Duration::from_secs(20);
 
@@ -68,6 +71,14 @@ impl<'a> Emulated<'a> {
         let find = || self.said(what).into_iter().find(|said| moment <= *said);
         assert!(wait_until(PATIENCE, || find().is_some()), "never '{what}'\n{}", self.run.output());
         find().unwrap()
+    }
+
+    /// When its wheels stand after `moment`; none where they stood before.
+    #[track_caller]
+    pub(crate) fn await_stand(&self, moment: Stamp) -> Option<Stamp> {
+        let last = |what| self.said(what).into_iter().rfind(|said| *said < moment);
+        let turned = last("the wheels turn")? > last("the wheels stand").unwrap_or(Stamp::ZERO);
+        turned.then(|| self.await_said("the wheels stand", moment))
     }
 
     /// Ends it, and returns its last words.
