@@ -1,6 +1,7 @@
 //! The bridge to a TurtleBot3, facing an emulated one: what it does when its ports, its board or its
 //! masters fail.
 
+use std::os::unix::fs::PermissionsExt;
 use std::time::Duration;
 
 use interfaces::{Permission, Stamp, StopCause};
@@ -299,6 +300,34 @@ fn a_port_that_cannot_be_opened_is_refused_with_what_to_do() {
         .up(&[&launch_file, "--set", &wrong])
         .assert_code(78)
         .assert_says(&["is the board's port too"]);
+    emulated.stop();
+}
+
+#[test]
+fn a_lidar_that_is_read_at_the_wrong_baud_rate_is_told_from_a_silent_one() {
+    let robot = Robot::new();
+    let emulated = Emulated::start(&robot, &["--lidar", "lds-02"]);
+    let launch_file = emulated.launch_file(&robot, &[]);
+    let wrong = ["--set", "turtlebot3.lidar=lds-01", "--for", "4"];
+    let ended = robot.up(&[&[&*launch_file][..], &wrong].concat());
+    ended.assert_code(0).assert_says(&["what comes is no LDS-01's: set `lidar`"]);
+    let text = ended.story();
+    assert!(!text.contains("READY"), "ready without a scan: {text}");
+    assert!(!text.contains("scan to wheel"), "no scan has come to the wheels: {text}");
+    assert!(emulated.stop().contains("distance 0.000 m"));
+}
+
+#[test]
+fn a_port_that_nobody_may_open_is_refused_with_the_group_that_may() {
+    let robot = Robot::new();
+    let emulated = Emulated::start(&robot, &[]);
+    let (port, launch_file) = (emulated.port("board"), emulated.launch_file(&robot, &[]));
+    std::fs::set_permissions(&port, std::fs::Permissions::from_mode(0o000)).unwrap();
+    if std::fs::File::open(&port).is_ok() {
+        println!("skipped: root may open every port (its words have a test of their own)");
+    } else {
+        robot.up(&[&launch_file]).assert_code(4).assert_says(&["usermod -aG dialout"]);
+    }
     emulated.stop();
 }
 

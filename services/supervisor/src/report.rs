@@ -277,10 +277,12 @@ impl Report {
         );
         line(text, "time", &time);
         for (name, keys) in LINES {
-            let figures = keys
+            let is_unmeasured = |key: &str| self.nodes.iter().any(|(_, all)| never_met(all, key));
+            let figures: Vec<_> = keys
                 .iter()
-                .filter_map(|key| self.figure(key).map(|figure| figure_text(key, figure)));
-            let figures: Vec<_> = figures.collect();
+                .filter(|key| !is_unmeasured(key))
+                .filter_map(|key| self.figure(key).map(|figure| figure_text(key, figure)))
+                .collect();
             if !figures.is_empty() {
                 wrapped(text, name, &figures);
             }
@@ -303,13 +305,13 @@ impl Report {
     fn write_others(&self, text: &mut String) {
         let told =
             |key: &str| LINES.iter().any(|(_, keys)| keys.contains(&key)) || UNTOLD.contains(&key);
-        for (name, _) in self.nodes.iter().filter(|(name, _)| name != PAIRING) {
+        for (name, all) in self.nodes.iter().filter(|(name, _)| name != PAIRING) {
             let unmet = |key: &str, figure: f64| {
                 figure <= 0.0 && REASONS.iter().any(|reason| key.starts_with(reason))
             };
             let figures: Vec<_> = self
                 .node(name)
-                .filter(|&(key, figure)| !told(key) && !unmet(key, figure))
+                .filter(|&(key, figure)| !told(key) && !unmet(key, figure) && !never_met(all, key))
                 .map(|(key, figure)| figure_text(key, figure))
                 .collect();
             if !figures.is_empty() {
@@ -428,6 +430,14 @@ fn figures(member: &Member) -> (String, Map<String, Value>) {
     let values = member.status.values().iter();
     let figures = values.map(|value| (value.key.to_string(), json!(value.value))).collect();
     (member.name.clone(), figures)
+}
+
+/// Whether `key` is of a latency that was never measured: a 0 would look like a very good one.
+fn never_met(figures: &Map<String, Value>, key: &str) -> bool {
+    let parts = ["_p50_us", "_p99_us", "_max_us"].into_iter();
+    let of = parts.filter_map(|part| key.strip_suffix(part)).next();
+    let max = of.and_then(|name| figures.get(&format!("{name}_max_us")));
+    max.is_some_and(|max| max.as_f64() == Some(0.0))
 }
 
 /// `distance_m`, 12.04 as `distance 12.040 m`.

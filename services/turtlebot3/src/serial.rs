@@ -152,3 +152,22 @@ impl Line {
         port.map_or(Ok(()), |port| port.write(bytes))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    // Root may open everything: a whole robot can be refused only where somebody else runs the tests.
+    #[test]
+    fn a_refusal_says_what_to_do() {
+        let says = |cause, what: &str| {
+            let path = "/dev/ttyACM0".to_owned();
+            let text = Refusal { path, cause }.to_string();
+            assert!(text.contains("/dev/ttyACM0") && text.contains(what), "{text}");
+        };
+        says(Errno::ACCESS, "sudo usermod -aG dialout $USER");
+        says(Errno::NOENT, "ls /dev/serial/by-id");
+        says(Errno::BUSY, "fuser /dev/ttyACM0");
+        says(Errno::NOTTY, "no serial port");
+    }
+}
