@@ -2,6 +2,7 @@
 
 use std::fmt::Write;
 
+use crate::advice;
 use crate::measured::{Book, Figure};
 
 /// What each row is, in the order in which they are told.
@@ -49,6 +50,9 @@ pub(crate) fn text(book: &Book) -> String {
         let _ = writeln!(text, "  {absent}");
     }
     book.headline.write(&mut text);
+    if book.headline.refused.is_none() {
+        advice::write(&book.figures, &mut text);
+    }
     text
 }
 
