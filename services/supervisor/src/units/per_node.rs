@@ -164,6 +164,13 @@ fn node(robot: &Robot, chain: &[Process], index: usize) -> Result<File> {
     unit.set("StartLimitBurst", burst);
     unit.section("Service");
     let program = run(&mut unit, robot, process)?;
+    if index == 0 {
+        let clear = ["clear", "--robot", &robot.launch.robot].map(str::to_owned);
+        unit.because(
+            "The last to stop. Where others are still there it is refused, and that is right.",
+        );
+        unit.set("ExecStopPost", format!("-{}", escape::command(&robot.program, &clear)?));
+    }
     restart(&mut unit, robot, process);
     placement(&mut unit, process);
     // No /dev/shm for the robot alone, though then nobody else could fill it: whoever looks at the
