@@ -5,6 +5,7 @@
 mod alone;
 mod check;
 mod emulate;
+mod page;
 mod verb;
 
 use std::process::ExitCode;

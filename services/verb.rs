@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use clap::Subcommand;
 use node::Arguments;
 
-use crate::{alone, check, emulate};
+use crate::{alone, check, emulate, page};
 
 /// What is to be done.
 #[derive(Subcommand)]
@@ -14,6 +14,8 @@ pub(crate) enum Verb {
     Robot(supervisor::Verb),
     /// Measure the runtime on this machine
     Bench(bench::Options),
+    /// Make the page of a run
+    Report(report::Options),
     /// Play a robot, for a bridge to talk to
     Emulate {
         #[command(subcommand)]
@@ -39,7 +41,8 @@ impl Verb {
     /// Does it, and says with the exit code how it went.
     pub(crate) fn run(self) -> ExitCode {
         match self {
-            Self::Robot(verb) => verb.run(check::check),
+            Self::Robot(verb) => verb.run(check::check, page::write),
+            Self::Report(options) => node::exit_code("teseo report", page::make(&options)),
             Self::Bench(options) => {
                 node::exit_code("teseo bench", bench::run(&options, alone::drive))
             }

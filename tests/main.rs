@@ -45,6 +45,8 @@ mod random;
 #[cfg(test)]
 mod realtime;
 #[cfg(test)]
+mod report;
+#[cfg(test)]
 mod robot;
 #[cfg(test)]
 mod round_trip;

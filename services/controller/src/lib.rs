@@ -10,6 +10,7 @@ mod config;
 mod corridor_following;
 #[cfg(test)]
 mod fuzz;
+mod noted;
 mod run;
 #[cfg(test)]
 mod scene;

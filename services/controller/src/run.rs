@@ -8,10 +8,11 @@ use interfaces::topics::{
 use interfaces::{LaserScan, MotionState, Odometry, Permission, Pose, SensorPair, VelocityCommand};
 use node::config::{self, Place};
 use node::{
-    Clock, Error, Gauge, Latency, Lookup, Node, Publisher, Refusals, Result, Sample, Settings,
-    Subscriber, Window,
+    Clock, Diary, Error, Gauge, Latency, Lookup, Node, Publisher, Refusals, Result, Sample,
+    Settings, Subscriber, Window,
 };
 
+use crate::noted::{NOTED, note};
 use crate::{Commands, Config, Controller, Pacing, Unfit, check_age, is_handed_over, standstill};
 
 /// Runs the controller as a managed node.
@@ -101,6 +102,7 @@ struct Driver {
     age_max: Duration,
     gone: Gauge,
     refusals: Refusals,
+    diary: Diary,
 }
 
 /// What became of a ticket.
@@ -136,6 +138,7 @@ impl Driver {
             age_max: Duration::from_secs_f64(config.input_age_max_s),
             gone: node.gauge("tickets_whose_sample_is_gone"),
             refusals: Refusals::new(node, "unfit", Unfit::ALL.map(Unfit::label)),
+            diary: node.diary(&NOTED),
         })
     }
 
@@ -184,6 +187,7 @@ impl Driver {
         }
         match self.controller.answer(self.is_armed, scan, odometry) {
             Ok(command) => {
+                note(&self.diary, scan, self.controller.activity(), &command);
                 if self.refusals.accept() {
                     node.say("drives again");
                 }

@@ -1,6 +1,7 @@
 //! Figures that a node reports about itself: set at no cost, read whenever its status is sent.
 
 use std::cell::{Cell, RefCell};
+use std::fmt::Write as _;
 use std::rc::Rc;
 use std::time::Duration;
 
@@ -99,6 +100,20 @@ impl Figures {
             count += 1;
         }
         count
+    }
+
+    /// Every latency's histogram: its name, a bucket's value [us], and how many fell into it.
+    pub(crate) fn latency_csv(&self) -> String {
+        let mut text = "name,us,count\n".to_owned();
+        for (keys, latency) in &self.latencies {
+            let name = keys[0].to_string();
+            let name = name.trim_end_matches("_p50_us");
+            for bucket in latency.0.borrow().iter_recorded() {
+                let us = bucket.value_iterated_to() as f64 / 10.0;
+                let _ = writeln!(text, "{name},{us},{}", bucket.count_at_value());
+            }
+        }
+        text
     }
 
     fn count(&self) -> usize {

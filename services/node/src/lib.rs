@@ -30,6 +30,7 @@ pub mod clock;
 pub mod config;
 pub mod control;
 pub mod deadman;
+mod diary;
 mod error;
 mod estop;
 pub mod faults;
@@ -54,6 +55,7 @@ pub use arguments::{
     uncounted_epoch,
 };
 pub use clock::Clock;
+pub use diary::{Diary, RECORDS};
 pub use error::{Error, Result};
 pub use estop::EmergencyStop;
 pub use figures::{Gauge, Latency};

@@ -18,6 +18,7 @@ use rustix::process::{Pid, getppid};
 
 use crate::arguments;
 use crate::config;
+use crate::diary::{Diary, Records};
 use crate::faults::FaultyLink;
 use crate::figures::Figures;
 use crate::wake::Waiter;
@@ -70,6 +71,7 @@ pub struct Node<'a> {
     last_turn: bool,
     rhythm: Rhythm,
     telling: Telling,
+    records: Records,
     supervisor: Option<Pid>,
 }
 
@@ -111,6 +113,7 @@ impl<'a> Node<'a> {
             last_turn: false,
             rhythm: Rhythm::default(),
             telling: Telling::new(settings),
+            records: Records::new(settings),
             supervisor: arguments::supervisor(),
         })
     }
@@ -203,6 +206,12 @@ impl<'a> Node<'a> {
     /// `NAME_p50_us` and so on.
     pub fn latency(&mut self, name: &str) -> Latency {
         self.figures.latency(name)
+    }
+
+    /// The one diary of this node, with a value for each of `keys`, for the report of a run. A key ends
+    /// with its unit; one of a state, which is a number, lists its names: `activity:rests/drives`.
+    pub fn diary(&mut self, keys: &[&str]) -> Diary {
+        self.records.diary(keys)
     }
 
     /// From now on a turn comes whenever more can be read from `file`, such as a serial port, until
@@ -436,7 +445,9 @@ impl<'a> Node<'a> {
     fn deactivate(&mut self) -> Result {
         self.change(State::Deactivating, "")?;
         self.ports.drain()?;
-        self.change(State::Inactive, "")
+        self.change(State::Inactive, "")?;
+        self.records.write(&self.figures);
+        Ok(())
     }
 
     /// Notes the next request that fits the node's state; a signal is a request to end.

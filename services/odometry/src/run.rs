@@ -2,7 +2,7 @@
 
 use interfaces::Odometry;
 use interfaces::topics::{IMU, JOINT_STATES, ODOMETRY, ROBOT_POSE};
-use node::{Clock, Gauge, Node, Refusals, Result, Settings};
+use node::{Clock, Diary, Gauge, Node, Refusals, Result, Settings};
 
 use crate::{Config, Heading, Headings, PoseOdometry, Rejected, Source, WheelOdometry};
 
@@ -77,10 +77,14 @@ fn from_poses(node: &mut Node<'_>, config: &Config) -> Result {
     Ok(())
 }
 
+/// What a pose is told by.
+const POSE: [&str; 3] = ["x_m", "y_m", "yaw_rad"];
+
 /// Where the robot believes to be and what it did not believe, for whoever looks at the node's
 /// status.
 struct Gauges {
     pose: [Gauge; 3],
+    diary: Diary,
     rebases: Gauge,
     refusals: Refusals,
 }
@@ -88,7 +92,8 @@ struct Gauges {
 impl Gauges {
     fn new(node: &mut Node<'_>) -> Self {
         Self {
-            pose: ["x_m", "y_m", "yaw_rad"].map(|key| node.gauge(key)),
+            pose: POSE.map(|key| node.gauge(key)),
+            diary: node.diary(&POSE),
             rebases: node.gauge("rebases"),
             refusals: Refusals::new(node, "rejected", Rejected::ALL.map(Rejected::label)),
         }
@@ -102,6 +107,7 @@ impl Gauges {
         x.set(odometry.x);
         y.set(odometry.y);
         yaw.set(odometry.yaw);
+        self.diary.note(odometry.header.stamp, [odometry.x, odometry.y, odometry.yaw]);
     }
 
     fn reject(&mut self, node: &mut Node<'_>, rejected: Rejected) {

@@ -7,7 +7,9 @@ use interfaces::{JointState, LaserScan, Outcome, Pose, Stamp};
 use node::config::{self, Layers, Place};
 use node::deadman::Motion;
 use node::launch::Until;
-use node::{Clock, Error, Gauge, Latency, Node, Publisher, Result, Settings, Subscriber, Wheels};
+use node::{
+    Clock, Diary, Error, Gauge, Latency, Node, Publisher, Result, Settings, Subscriber, Wheels,
+};
 
 use crate::{Config, Simulator, World};
 
@@ -174,6 +176,9 @@ impl Pace {
     }
 }
 
+/// What is noted of each measurement, for the report of a run.
+const NOTED: [&str; 6] = ["x_m", "y_m", "yaw_rad", "clearance_m", "linear_m_s", "angular_rad_s"];
+
 /// The simulated robot with its wires.
 struct Robot {
     simulator: Simulator,
@@ -190,6 +195,9 @@ struct Robot {
     was_localized: bool,
     age: Latency,
     gauges: Gauges,
+    /// Of the last step.
+    motion: Motion,
+    diary: Diary,
 }
 
 impl Robot {
@@ -218,6 +226,8 @@ impl Robot {
             was_localized: false,
             age: node.latency("scan_to_command"),
             gauges,
+            motion: Motion::ZERO,
+            diary: node.diary(&NOTED),
         })
     }
 
@@ -226,6 +236,7 @@ impl Robot {
         self.check_estimate();
         self.simulator.step(motion.linear, motion.angular);
         self.gauges.set(&self.simulator);
+        self.motion = motion;
     }
 
     /// The same in lock-step: what the dead-man does by the end of the step is told before the scan of
@@ -263,6 +274,7 @@ impl Robot {
     /// Publishes what the sensors see: the wheels or the pose, then the scan. `stamp` is simulated
     /// time where it is not given.
     fn sense(&mut self, stamp: Option<Stamp>, now: Stamp) -> Result {
+        self.note(stamp.unwrap_or_else(|| self.simulator.time()));
         let simulator = &mut self.simulator;
         if let Some(joint_states) = &mut self.joint_states {
             joint_states.send_with(|joints| {
@@ -277,6 +289,14 @@ impl Robot {
             simulator.sense(scan);
             scan.header.stamp = stamp.unwrap_or(scan.header.stamp);
         })
+    }
+
+    /// Where the robot really is: for the report of the run, and for nobody else.
+    fn note(&self, stamp: Stamp) {
+        let place = self.simulator.world_from_base();
+        let (x, y) = (place.translation.x, place.translation.y);
+        let (yaw, clearance) = (place.rotation.angle(), self.simulator.clearance());
+        self.diary.note(stamp, [x, y, yaw, clearance, self.motion.linear, self.motion.angular]);
     }
 
     fn report_pose(&mut self, stamp: Option<Stamp>) -> Result {

@@ -113,6 +113,11 @@ impl World {
         })
     }
 
+    /// [m] The two ends of every wall, for one who draws the world.
+    pub fn outline(&self) -> Vec<[[f64; 2]; 2]> {
+        self.walls().iter().map(|wall| [wall.a, wall.b].map(|end| [end.x, end.y])).collect()
+    }
+
     /// Every wall that a beam or the robot can meet.
     pub(crate) fn walls(&self) -> Vec<Wall> {
         let edges = self.blocks.iter().flat_map(Block::edges);

@@ -1,9 +1,11 @@
 //! What has happened to the robot, as people and programs are told it.
 
 use std::collections::VecDeque;
+use std::path::Path;
 use std::time::SystemTime;
 
 use interfaces::Stamp;
+use node::Error;
 use serde_json::{Map, Value, json};
 
 use crate::machine::{Kill, Told};
@@ -36,6 +38,14 @@ pub(crate) struct History {
 impl History {
     pub(crate) fn new(names: Vec<String>) -> Self {
         Self { names, happenings: VecDeque::new() }
+    }
+
+    /// Writes them to `path`, one JSON object a line.
+    pub(crate) fn write(&self, path: &Path) -> node::Result {
+        let lines: Vec<_> =
+            self.happenings.iter().map(|happening| happening.json.to_string()).collect();
+        std::fs::write(path, lines.join("\n") + "\n")
+            .map_err(|cause| Error::File { path: path.to_owned(), cause })
     }
 
     /// Takes in what people are told; `cause` is why a node failed, with all that is known.

@@ -1,7 +1,7 @@
 //! How a node's process is started.
 
 use std::os::unix::process::CommandExt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Stdio};
 
 use node::launch::Process;
@@ -17,6 +17,8 @@ pub(crate) struct Launcher {
     arguments: Vec<String>,
     directory: PathBuf,
     notify: PathBuf,
+    /// Where nodes write down what they have noted, where anybody wants it.
+    records: Option<PathBuf>,
 }
 
 impl Launcher {
@@ -29,7 +31,9 @@ impl Launcher {
         ];
         arguments.extend(options.sets().into_iter().map(|set| format!("--set={set}")));
         let directory = namespace.directory().to_owned();
-        Self { settings: settings.clone(), arguments, notify: directory.join("notify"), directory }
+        let records = options.records().map(Path::to_owned);
+        let (settings, notify) = (settings.clone(), directory.join("notify"));
+        Self { settings, arguments, directory, notify, records }
     }
 
     /// The socket on which nodes notify the supervisor.
@@ -64,6 +68,7 @@ impl Launcher {
             .env("TESEO_NODE", name)
             .env("TESEO_EPOCH", epoch.to_string())
             .env("NOTIFY_SOCKET", &self.notify)
+            .envs(self.records.as_ref().map(|records| (node::RECORDS, records)))
             .env_remove("WATCHDOG_PID")
             .env_remove("WATCHDOG_USEC")
             .env_remove(node::PARENT)

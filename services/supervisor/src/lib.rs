@@ -50,12 +50,15 @@ pub use verbs::find;
 /// What knows whether the parameters of a service are right; `None` where there is no such service.
 pub type Check = fn(&node::Settings) -> Option<node::Result>;
 
+/// What makes a page of the records of a run, in the directory with them.
+pub type Render = fn(&std::path::Path) -> node::Result;
+
 /// `teseo up`: the guardian, or the supervisor that it has started.
-fn up(options: &Options, check: Check) -> ExitCode {
+fn up(options: &Options, check: Check, render: Render) -> ExitCode {
     node::log::start(options.log);
     let is_supervisor = std::env::var_os(guardian::ROLE).is_some();
     let outcome = if is_supervisor {
-        supervise::supervise(options)
+        supervise::supervise(options, render)
     } else if options.detach && !detach::is_alone() {
         detach::up(options)
     } else {

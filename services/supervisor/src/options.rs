@@ -1,7 +1,7 @@
 //! The options of `teseo up`, most of which are shorthands for settings of the launch file.
 
 use std::fmt::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 
@@ -44,8 +44,9 @@ pub struct Options {
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub sets: Vec<String>,
 
-    /// Also write the report to this file, as JSON
-    #[arg(long, value_name = "FILE")]
+    /// Also write the report: as JSON to a file whose name ends in .json, or else to a directory, with
+    /// all that was noted, as a page to look at
+    #[arg(long, value_name = "FILE.json|DIR")]
     pub report: Option<PathBuf>,
 
     /// Return as soon as the robot is ready, and let it run on; `teseo down` ends it
@@ -62,6 +63,17 @@ pub struct Options {
 }
 
 impl Options {
+    /// Where the report goes as JSON.
+    pub(crate) fn report_file(&self) -> Option<PathBuf> {
+        let report = self.report.as_ref()?;
+        Some(if is_json(report) { report.clone() } else { report.join(REPORT) })
+    }
+
+    /// The directory for all that is noted of the run.
+    pub(crate) fn records(&self) -> Option<&Path> {
+        self.report.as_deref().filter(|report| !is_json(report))
+    }
+
     /// Every setting of the command line as `KEY=VALUE`, the explicit ones last.
     pub(crate) fn sets(&self) -> Vec<String> {
         let quoted = |key: &str, value: &Option<String>| {
@@ -78,6 +90,13 @@ impl Options {
         ];
         shorthands.into_iter().flatten().chain(self.sets.iter().cloned()).collect()
     }
+}
+
+/// The report's name in the directory of a run's records.
+const REPORT: &str = "report.json";
+
+fn is_json(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"))
 }
 
 /// As a TOML string, whatever it contains.

@@ -118,6 +118,8 @@ pub(crate) const fn clock_label(clock: Clock) -> &'static str {
 #[derive(Debug)]
 pub(crate) struct Report {
     run: Vec<(&'static str, Value)>,
+    /// What the command line has set.
+    sets: Vec<String>,
     topics: BTreeMap<String, Topic>,
     nodes: Vec<(String, Map<String, Value>)>,
     memory_peak_kib: Vec<(String, u64)>,
@@ -148,6 +150,7 @@ impl Report {
             ("clock", json!(clock)),
             ("seed", json!(launch.seed)),
         ];
+        let sets = options.sets();
         let topics = topics(members);
         let (mut cause, mut code) = (verdict.cause.clone(), verdict.code);
         // In lock-step nothing may be lost, and no run may say that it went well where something was.
@@ -157,6 +160,7 @@ impl Report {
         }
         Self {
             run,
+            sets,
             topics,
             nodes: members.iter().map(figures).collect(),
             memory_peak_kib: members
@@ -216,6 +220,7 @@ impl Report {
         {
             report.insert(key.into(), json!(self.figure(key)));
         }
+        report.insert("sets".into(), json!(self.sets));
         let age = |name: &str| json!(self.figure(&format!("scan_to_command_{name}_us")));
         let age = json!({ "p50": age("p50"), "p99": age("p99"), "max": age("max") });
         report.insert("scan_to_command_us".into(), age);
@@ -366,10 +371,32 @@ impl Report {
 
 /// Finds out before the run whether its report can be written after it.
 pub(crate) fn check_writable(path: &Path) -> Result {
+    if let Some(directory) = path.parent().filter(|directory| !directory.as_os_str().is_empty()) {
+        std::fs::create_dir_all(directory)
+            .map_err(|cause| Error::File { path: directory.to_owned(), cause })?;
+    }
     let fresh = fresh(path);
     let tried = std::fs::write(&fresh, "").and_then(|()| std::fs::remove_file(&fresh));
     tried.map_err(|cause| Error::File { path: path.to_owned(), cause })
 }
+
+/// Makes the directory of a run's records ready: without those of a former run, and with the launch
+/// file as it is now.
+pub(crate) fn begin_records(records: &Path, launch_file: &Path) -> Result {
+    let failed = |path: &Path, cause| Error::File { path: path.to_owned(), cause };
+    for entry in std::fs::read_dir(records).map_err(|cause| failed(records, cause))?.flatten() {
+        let path = entry.path();
+        let name = entry.file_name().to_string_lossy().into_owned();
+        if RECORDS.iter().any(|kind| name.ends_with(kind)) {
+            std::fs::remove_file(&path).map_err(|cause| failed(&path, cause))?;
+        }
+    }
+    let copied = std::fs::copy(launch_file, records.join("launch.toml"));
+    copied.map(drop).map_err(|cause| failed(launch_file, cause))
+}
+
+/// What the names of nodes' records end in.
+const RECORDS: [&str; 2] = [".diary.csv", ".latency.csv"];
 
 /// A name beside `path` that nobody else uses: what is half-written never bears the real name.
 fn fresh(path: &Path) -> PathBuf {
@@ -434,8 +461,8 @@ fn figures(member: &Member) -> (String, Map<String, Value>) {
 
 /// Whether `key` is of a latency that was never measured: a 0 would look like a very good one.
 fn never_met(figures: &Map<String, Value>, key: &str) -> bool {
-    let parts = ["_p50_us", "_p99_us", "_max_us"].into_iter();
-    let of = parts.filter_map(|part| key.strip_suffix(part)).next();
+    let mut parts = ["_p50_us", "_p99_us", "_max_us"].into_iter();
+    let of = parts.find_map(|part| key.strip_suffix(part));
     let max = of.and_then(|name| figures.get(&format!("{name}_max_us")));
     max.is_some_and(|max| max.as_f64() == Some(0.0))
 }

@@ -24,7 +24,7 @@ use crate::notify::{Datagram, NotifySocket, Word};
 use crate::report::{self, Report};
 use crate::screen::Screen;
 use crate::verdict::Verdict;
-use crate::{Options, guardian, pairing, plan, sweep};
+use crate::{Options, Render, guardian, pairing, plan, sweep};
 
 /// The node that pairs scan and odometry lives in the supervisor's process, in a loop of its own.
 pub(crate) const PAIRING: &str = "pairing";
@@ -45,6 +45,9 @@ pub(crate) const UNFINISHED_WAIT: Duration = Duration::from_secs(1);
 /// Between two looks at what is unfinished.
 pub(crate) const POLL_POSTPONED: Duration = Duration::from_millis(10);
 
+/// The events of a run, in the directory of its records.
+const EVENTS: &str = "events.jsonl";
+
 /// On the way up and down, systemd waits this long after the supervisor was last heard. It is the
 /// machine that gives up: its time-outs know which node it is, and which have asked for more time.
 const EXTENSION: Duration = Duration::from_secs(5);
@@ -56,15 +59,16 @@ const EXTENSION_PERIOD: Duration = Duration::from_secs(1);
 const PINGS_PER_WATCHDOG: u32 = 3;
 
 /// Runs the robot of `options` until it is done; returns the exit code.
-pub(crate) fn supervise(options: &Options) -> Result<u8> {
+pub(crate) fn supervise(options: &Options, render: Render) -> Result<u8> {
     signal::listen();
     node::die_with_parent(Signal::TERM);
     sweep::inherit_orphans();
     let settings = Settings::of_supervisor(&options.config, &options.sets())?;
-    options.report.as_deref().map_or(Ok(()), report::check_writable)?;
+    options.report_file().map_or(Ok(()), |path| report::check_writable(&path))?;
+    options.records().map_or(Ok(()), |records| report::begin_records(records, &options.config))?;
     let mut supervisor = Supervisor::new(&settings, options)?;
     let ending = supervisor.run()?;
-    supervisor.conclude(&ending)
+    supervisor.conclude(&ending, render)
 }
 
 /// The supervisor's whole world.
@@ -454,7 +458,7 @@ impl<'a> Supervisor<'a> {
     }
 
     /// What is left of the run: on screen, in the report, in the exit code.
-    fn conclude(mut self, ending: &Ending) -> Result<u8> {
+    fn conclude(mut self, ending: &Ending, render: Render) -> Result<u8> {
         sweep::children();
         let wall = self.wall();
         let verdict = Verdict::new(ending, &self.members, self.machine.had_to_kill());
@@ -462,8 +466,12 @@ impl<'a> Supervisor<'a> {
         let report = Report::new(self.settings, self.options, &self.members, wall, &verdict);
         let text = report.text();
         self.screen.print(if self.activated.is_some() { &text } else { &verdict.line });
-        if let Some(path) = &self.options.report {
-            report.write(path)?;
+        if let Some(path) = self.options.report_file() {
+            report.write(&path)?;
+        }
+        if let Some(records) = self.options.records() {
+            self.history.write(&records.join(EVENTS))?;
+            render(records)?;
         }
         self.desk.end(&verdict, report.code());
         self.screen.finish();

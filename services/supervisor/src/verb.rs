@@ -4,7 +4,6 @@ use std::process::ExitCode;
 
 use clap::Subcommand;
 
-use crate::Check;
 use crate::check::{self, CheckOptions};
 use crate::clear::{self, ClearOptions};
 use crate::doctor::{self, DoctorOptions};
@@ -13,6 +12,7 @@ use crate::pair::{self, PairOptions};
 use crate::shim::{self, ExecOptions};
 use crate::units::{self, UnitsOptions};
 use crate::verbs;
+use crate::{Check, Render};
 
 /// A verb about robots.
 #[derive(Debug, Subcommand)]
@@ -38,10 +38,11 @@ pub enum Verb {
 }
 
 impl Verb {
-    /// Does it; `check` knows the parameters of every service, which this crate does not.
-    pub fn run(self, check: Check) -> ExitCode {
+    /// Does it; `check` knows the parameters of every service, and `render` makes the page of a run,
+    /// which this crate does not.
+    pub fn run(self, check: Check, render: Render) -> ExitCode {
         match self {
-            Self::Up(options) => crate::up(&options, check),
+            Self::Up(options) => crate::up(&options, check, render),
             Self::Check(options) => check::check(&options, check),
             Self::Pair(options) => node::exit_code("teseo pair", pair::pair(&options)),
             Self::Units(options) => units::units(&options, check),
