@@ -11,6 +11,7 @@ use rustix::process::{Pid, Signal};
 use crate::config::{Errors, Parameters, Report, Setting};
 use crate::faults::FaultsByTopic;
 use crate::launch::Launch;
+use crate::trace::TRACE;
 use crate::{Clock, Error, Namespace, Node, Notifier, Result, Wait, clock, log, managed, signal};
 
 /// The environment variable that names the process without which this one must not live.
@@ -53,8 +54,15 @@ pub struct Settings {
     heeds_signals: bool,
     /// Where it tells how it is, if not where the environment says.
     notify: Option<PathBuf>,
+    /// The timeline that it makes a part of.
+    trace: Option<PathBuf>,
     launch: Launch,
     sets: Vec<Setting>,
+}
+
+/// A file or directory that the environment names.
+pub(crate) fn given(variable: &str) -> Option<PathBuf> {
+    std::env::var_os(variable).filter(|value| !value.is_empty()).map(PathBuf::from)
 }
 
 impl Settings {
@@ -73,6 +81,7 @@ impl Settings {
             autostart: arguments.autostart,
             heeds_signals: true,
             notify: None,
+            trace: given(TRACE),
             launch,
             sets,
         })
@@ -103,6 +112,7 @@ impl Settings {
             autostart: false,
             heeds_signals: true,
             notify: None,
+            trace: given(TRACE),
             launch,
             sets,
         });
@@ -115,10 +125,15 @@ impl Settings {
         Self { name: name.to_owned(), heeds_signals: false, ..self.clone() }
     }
 
-    /// The same for a node in life number `epoch`, that tells how it is at the socket `notify`.
+    /// The same for a node in life number `epoch`, that tells how it is at the socket `notify` and
+    /// makes a part of the timeline `trace`, if anybody wants one.
     #[must_use]
-    pub fn in_life(self, epoch: u32, notify: &Path) -> Self {
-        Self { epoch, notify: Some(notify.to_owned()), ..self }
+    pub fn in_life(self, epoch: u32, notify: &Path, trace: Option<&Path>) -> Self {
+        Self { epoch, notify: Some(notify.to_owned()), trace: trace.map(Path::to_owned), ..self }
+    }
+
+    pub(crate) fn trace(&self) -> Option<&Path> {
+        self.trace.as_deref()
     }
 
     /// [-] The node's name.

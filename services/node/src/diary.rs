@@ -4,13 +4,13 @@
 use std::cell::RefCell;
 use std::fmt::Write as _;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::rc::Rc;
 
 use interfaces::Stamp;
 
-use crate::Settings;
 use crate::figures::Figures;
+use crate::{Settings, arguments};
 
 /// The environment variable that names the directory of a run's records; without it nobody notes.
 pub const RECORDS: &str = "TESEO_RECORDS";
@@ -95,12 +95,9 @@ pub(crate) struct Records {
 
 impl Records {
     pub(crate) fn new(settings: &Settings) -> Self {
-        let directory = std::env::var_os(RECORDS).filter(|value| !value.is_empty());
         let name = format!("{}.{}", settings.name(), settings.epoch());
-        Self {
-            place: directory.map(|directory| Path::new(&directory).join(name)),
-            ..Self::default()
-        }
+        let directory = arguments::given(RECORDS);
+        Self { place: directory.map(|directory| directory.join(name)), ..Self::default() }
     }
 
     pub(crate) fn diary(&mut self, keys: &[&str]) -> Diary {

@@ -46,6 +46,7 @@ mod port;
 mod refusals;
 mod session;
 pub mod signal;
+pub mod trace;
 mod wake;
 mod wheels;
 mod window;

@@ -24,7 +24,7 @@ use crate::figures::Figures;
 use crate::wake::Waiter;
 use crate::{
     Clock, Error, Gauge, Latency, Publisher, Result, Session, Settings, Subscriber, clock, memory,
-    signal,
+    signal, trace,
 };
 use ports::{Ports, Promise};
 use rhythm::Rhythm;
@@ -92,6 +92,7 @@ pub fn run_with(settings: &Settings, body: impl FnMut(&mut Node<'_>) -> Result) 
 
 impl<'a> Node<'a> {
     fn new(settings: &'a Settings, session: &'a Session, waiter: &'a Waiter<'a>) -> Result<Self> {
+        trace::start(settings);
         let mut report = Box::<NodeStatus>::default();
         report.process = std::process::id();
         Ok(Self {
@@ -279,6 +280,7 @@ impl<'a> Node<'a> {
             memory::lock(self.settings)?;
             self.change(State::Inactive, "")?;
         }
+        trace::turn_ends();
         let mut waited = false;
         loop {
             let now = clock::now();
@@ -326,6 +328,7 @@ impl<'a> Node<'a> {
 
     fn turn(&mut self, now: Stamp) -> Result<Tick> {
         let activated = std::mem::take(&mut self.activated);
+        trace::turn_begins();
         let due = self.rhythm.is_due(now);
         self.rhythm.advance(now);
         if self.status_due <= now {
@@ -447,6 +450,7 @@ impl<'a> Node<'a> {
         self.ports.drain()?;
         self.change(State::Inactive, "")?;
         self.records.write(&self.figures);
+        trace::write();
         Ok(())
     }
 

@@ -14,7 +14,7 @@ use crate::arrivals::{Arrival, Arrivals};
 use crate::faults::{FaultCounts, FaultyLink};
 use crate::session::Service;
 use crate::wake::{Waker, Wakers};
-use crate::{Error, Result, clock};
+use crate::{Error, Result, clock, trace};
 
 /// What a node asks of its own ports.
 pub(crate) trait Port {
@@ -168,6 +168,7 @@ impl<T: Message> Sent<T> {
             self.port.loan().map_err(|cause| self.failed("take shared memory for", cause))?;
         let message = sample.payload_mut();
         fill(message);
+        trace::sent(&self.topic, message.header());
         if let Some(digest) = &self.digest {
             digest.borrow_mut().update(bytemuck::bytes_of(message));
         }
@@ -335,6 +336,7 @@ impl<T: Message> Received<T> {
             })?;
             let Some(sample) = received else { return Ok(None) };
             let header = *sample.payload().header();
+            trace::received(&self.topic, &header);
             if header.epoch < self.epoch.get() {
                 self.stale.set(self.stale.get() + 1);
                 continue;

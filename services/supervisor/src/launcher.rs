@@ -19,6 +19,8 @@ pub(crate) struct Launcher {
     notify: PathBuf,
     /// Where nodes write down what they have noted, where anybody wants it.
     records: Option<PathBuf>,
+    /// The timeline that nodes make parts of, where anybody wants it.
+    trace: Option<PathBuf>,
 }
 
 impl Launcher {
@@ -31,9 +33,9 @@ impl Launcher {
         ];
         arguments.extend(options.sets().into_iter().map(|set| format!("--set={set}")));
         let directory = namespace.directory().to_owned();
-        let records = options.records().map(Path::to_owned);
+        let (records, trace) = (options.records().map(Path::to_owned), options.trace.clone());
         let (settings, notify) = (settings.clone(), directory.join("notify"));
-        Self { settings, arguments, directory, notify, records }
+        Self { settings, arguments, directory, notify, records, trace }
     }
 
     /// The socket on which nodes notify the supervisor.
@@ -43,7 +45,7 @@ impl Launcher {
 
     /// For a node in a thread of this process.
     pub(crate) fn settings_of_thread(&self, name: &str, epoch: u32) -> Settings {
-        self.settings.within(name).in_life(epoch, &self.notify)
+        self.settings.within(name).in_life(epoch, &self.notify, self.trace.as_deref())
     }
 
     /// Starts the process called `name` in life number `epoch`.
@@ -69,6 +71,7 @@ impl Launcher {
             .env("TESEO_EPOCH", epoch.to_string())
             .env("NOTIFY_SOCKET", &self.notify)
             .envs(self.records.as_ref().map(|records| (node::RECORDS, records)))
+            .envs(self.trace.as_ref().map(|trace| (node::trace::TRACE, trace)))
             .env_remove("WATCHDOG_PID")
             .env_remove("WATCHDOG_USEC")
             .env_remove(node::PARENT)

@@ -35,6 +35,7 @@ mod shim;
 mod status;
 mod supervise;
 mod sweep;
+mod timeline;
 mod units;
 mod verb;
 mod verbs;

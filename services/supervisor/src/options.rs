@@ -49,6 +49,11 @@ pub struct Options {
     #[arg(long, value_name = "FILE.json|DIR")]
     pub report: Option<PathBuf>,
 
+    /// Also write a timeline of all processes, a scan's way from ray to wheel in it, for Perfetto; of a
+    /// long run, the end
+    #[arg(long, value_name = "FILE.json")]
+    pub trace: Option<PathBuf>,
+
     /// Return as soon as the robot is ready, and let it run on; `teseo down` ends it
     #[arg(short, long)]
     pub detach: bool,

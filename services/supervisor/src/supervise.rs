@@ -24,7 +24,7 @@ use crate::notify::{Datagram, NotifySocket, Word};
 use crate::report::{self, Report};
 use crate::screen::Screen;
 use crate::verdict::Verdict;
-use crate::{Options, Render, guardian, pairing, plan, sweep};
+use crate::{Options, Render, guardian, pairing, plan, sweep, timeline};
 
 /// The node that pairs scan and odometry lives in the supervisor's process, in a loop of its own.
 pub(crate) const PAIRING: &str = "pairing";
@@ -64,7 +64,9 @@ pub(crate) fn supervise(options: &Options, render: Render) -> Result<u8> {
     node::die_with_parent(Signal::TERM);
     sweep::inherit_orphans();
     let settings = Settings::of_supervisor(&options.config, &options.sets())?;
-    options.report_file().map_or(Ok(()), |path| report::check_writable(&path))?;
+    for file in [options.report_file(), options.trace.clone()].into_iter().flatten() {
+        report::check_writable(&file)?;
+    }
     options.records().map_or(Ok(()), |records| report::begin_records(records, &options.config))?;
     let mut supervisor = Supervisor::new(&settings, options)?;
     let ending = supervisor.run()?;
@@ -468,6 +470,9 @@ impl<'a> Supervisor<'a> {
         self.screen.print(if self.activated.is_some() { &text } else { &verdict.line });
         if let Some(path) = self.options.report_file() {
             report.write(&path)?;
+        }
+        if let Some(trace) = &self.options.trace {
+            timeline::join(trace, &self.members)?;
         }
         if let Some(records) = self.options.records() {
             self.history.write(&records.join(EVENTS))?;
