@@ -4,6 +4,8 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use interfaces::{Field, topics};
+
 /// Crates that every service may depend on; the others are services.
 const COMMON: [&str; 2] = ["interfaces", "node"];
 
@@ -288,6 +290,48 @@ fn the_topic_table_in_the_documentation_is_the_one_in_the_code() {
         text.split("Topic::new(\"").skip(1).filter_map(|rest| rest.split('"').next()).collect();
     assert!(5 < defined.len(), "topics are looked for in the wrong place");
     assert_eq!(documented, defined, "mend the table at the top of interfaces/src/topics.rs");
+}
+
+#[test]
+fn every_topic_can_be_found_by_its_name() {
+    let text = read("interfaces/src/topics.rs");
+    let defined: BTreeSet<_> = text
+        .split("Topic::new(\"")
+        .skip(1)
+        .filter_map(|rest| rest.split('"').next())
+        .map(str::to_owned)
+        .collect();
+    let (robot, node) = (topics::names(), topics::names_of_each_node());
+    let found: BTreeSet<_> = robot.into_iter().chain(node).map(str::to_owned).collect();
+    assert_eq!(found, defined, "mend the `table!` at the end of interfaces/src/topics.rs");
+}
+
+#[test]
+fn every_field_is_shown_with_the_unit_of_its_comment() {
+    let commented: BTreeSet<_> = sources()
+        .iter()
+        .filter(|source| source.path.starts_with("interfaces/src"))
+        .flat_map(|source| message_fields(&source.text))
+        .filter_map(|(_, field, _, doc)| {
+            let (unit, _) = doc.strip_prefix('[')?.split_once(']')?;
+            Some((field, unit.to_owned()))
+        })
+        .collect();
+    let names = topics::names().into_iter().map(str::to_owned);
+    let of_nodes = topics::names_of_each_node().into_iter().map(|name| format!("node/{name}"));
+    let mut fields = 0;
+    for topic in names.chain(of_nodes) {
+        for Field { name, unit, .. } in node::observe::row(&topic).unwrap().fields {
+            fields += 1;
+            let is_composite = topic == "node/status" && (name == "port" || name == "value");
+            assert!(
+                is_composite || commented.contains(&(name.to_owned(), unit.to_owned())),
+                "{topic}: no comment in interfaces/src says that `{name}` is in [{unit}]; \
+                 mend interfaces/src/fields.rs"
+            );
+        }
+    }
+    assert!(60 < fields, "only {fields} fields are shown");
 }
 
 #[test]

@@ -15,6 +15,8 @@ mod chaos;
 #[cfg(test)]
 mod conformance;
 #[cfg(test)]
+mod console;
+#[cfg(test)]
 mod crash_matrix;
 #[cfg(test)]
 mod determinism;

@@ -5,6 +5,7 @@
 
 #![forbid(unsafe_code)]
 
+mod fields;
 mod lifecycle;
 mod messages;
 mod motion;
@@ -14,6 +15,7 @@ mod text;
 mod time;
 pub mod topics;
 
+pub use fields::{Described, Field, FieldValue, SetError};
 pub use lifecycle::{ChangeState, State, Transition, TransitionEvent, UnknownNumber};
 pub use messages::{
     BEAMS_MAX, Header, JointState, LEFT, LaserScan, Odometry, Pose, RIGHT, SensorPair,

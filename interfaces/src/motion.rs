@@ -20,6 +20,17 @@ pub enum Permission {
     Held = 2,
 }
 
+impl Permission {
+    /// In a word for people.
+    pub const fn label(self) -> &'static str {
+        match self {
+            Self::Armed => "armed",
+            Self::Braking => "braking",
+            Self::Held => "held",
+        }
+    }
+}
+
 impl TryFrom<u8> for Permission {
     type Error = UnknownNumber;
 

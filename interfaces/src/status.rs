@@ -60,6 +60,17 @@ pub enum Outcome {
     Failed = 2,
 }
 
+impl Outcome {
+    /// In a word for people.
+    pub const fn label(self) -> &'static str {
+        match self {
+            Self::Working => "working",
+            Self::Done => "done",
+            Self::Failed => "failed",
+        }
+    }
+}
+
 impl TryFrom<u8> for Outcome {
     type Error = UnknownNumber;
 

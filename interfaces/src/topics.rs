@@ -31,9 +31,9 @@ use bytemuck::Pod;
 use iceoryx2::prelude::ZeroCopySend;
 
 use crate::{
-    BatteryState, BoardRequest, ChangeState, Header, Imu, JointState, LaserScan, MotionRequest,
-    MotionState, NodeStatus, Odometry, Pose, SensorPair, SensorState, TransitionEvent,
-    VelocityCommand,
+    BatteryState, BoardRequest, ChangeState, Described, Header, Imu, JointState, LaserScan,
+    MotionRequest, MotionState, NodeStatus, Odometry, Pose, SensorPair, SensorState,
+    TransitionEvent, VelocityCommand,
 };
 
 /// A sample that can travel on a topic.
@@ -44,38 +44,6 @@ pub trait Message: ZeroCopySend + Pod + Default + Debug {
     /// Its header, to be written by the port that sends it.
     fn header_mut(&mut self) -> &mut Header;
 }
-
-macro_rules! messages {
-    ($($message:ty),*) => {$(
-        impl Message for $message {
-            fn header(&self) -> &Header {
-                &self.header
-            }
-
-            fn header_mut(&mut self) -> &mut Header {
-                &mut self.header
-            }
-        }
-    )*};
-}
-
-messages!(
-    BatteryState,
-    BoardRequest,
-    ChangeState,
-    Imu,
-    JointState,
-    LaserScan,
-    MotionRequest,
-    MotionState,
-    NodeStatus,
-    Odometry,
-    Pose,
-    SensorPair,
-    SensorState,
-    TransitionEvent,
-    VelocityCommand
-);
 
 /// What happens to a sample that finds a reader's queue full, or no reader at all.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -233,3 +201,65 @@ pub const TRANSITION_EVENT: Topic<TransitionEvent> =
 /// What one node says about itself.
 pub const STATUS: Topic<NodeStatus> =
     Topic::new("status", 4, DEADLINE_LIFECYCLE, "the node").of_each_node().latched();
+
+/// What is to be done with a topic of which only the name is known, and so with any of the table.
+pub trait Visitor {
+    /// What it comes to.
+    type Output;
+
+    /// Does it; `owner` is the node whose topic it is, or empty where the robot has one.
+    fn visit<T: Described>(self, topic: &'static Topic<T>, owner: &str) -> Self::Output;
+}
+
+macro_rules! table {
+    ($($topic:ident),* $(,)?) => {
+        /// [-] The names of the topics that a robot has once.
+        pub fn names() -> Vec<&'static str> {
+            names_in(Scope::Robot)
+        }
+
+        /// [-] The names of the topics that each node has, without its own.
+        pub fn names_of_each_node() -> Vec<&'static str> {
+            names_in(Scope::Node)
+        }
+
+        fn names_in(scope: Scope) -> Vec<&'static str> {
+            let rows = [$(($topic.name, $topic.scope)),*];
+            rows.into_iter().filter(|row| row.1 == scope).map(|row| row.0).collect()
+        }
+
+        /// Takes `visitor` to the topic of this full name: `scan`, or `odometry/status`. `None` where
+        /// the table has none.
+        pub fn find<V: Visitor>(full_name: &str, visitor: V) -> Option<V::Output> {
+            let (owner, name) = full_name.split_once('/').unwrap_or(("", full_name));
+            let scope = if owner.is_empty() { Scope::Robot } else { Scope::Node };
+            $(
+                if $topic.name == name && $topic.scope == scope {
+                    return Some(visitor.visit(&$topic, owner));
+                }
+            )*
+            None
+        }
+    };
+}
+
+table!(
+    SCAN,
+    JOINT_STATES,
+    ROBOT_POSE,
+    IMU,
+    BATTERY_STATE,
+    SENSOR_STATE,
+    BOARD_REQUEST,
+    ODOMETRY,
+    SENSOR_PAIR,
+    VELOCITY_COMMAND,
+    AUTONOMY_COMMAND,
+    TELEOP_COMMAND,
+    MOTION_STATE,
+    MOTION_REQUEST,
+    POSE,
+    CHANGE_STATE,
+    TRANSITION_EVENT,
+    STATUS,
+);

@@ -41,6 +41,7 @@ mod managed;
 mod memory;
 mod namespace;
 mod notify;
+pub mod observe;
 pub mod pairing;
 mod port;
 mod refusals;

@@ -4,6 +4,7 @@ use std::cell::{Cell, RefCell};
 use std::fmt;
 use std::ops::Deref;
 use std::rc::Rc;
+use std::sync::Arc;
 
 use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::prelude::{CallbackProgression, PortFactory as _, ipc};
@@ -12,7 +13,7 @@ use xxhash_rust::xxh3::Xxh3;
 
 use crate::arrivals::{Arrival, Arrivals};
 use crate::faults::{FaultCounts, FaultyLink};
-use crate::session::Service;
+use crate::session::{Service, is_woken, owner_of};
 use crate::wake::{Waker, Wakers};
 use crate::{Error, Result, clock, trace};
 
@@ -58,7 +59,7 @@ pub struct Publisher<T: Message> {
 struct Sent<T: Message> {
     topic: String,
     port: iceoryx2::port::publisher::Publisher<ipc::Service, T, ()>,
-    service: Service<T>,
+    service: Arc<Service<T>>,
     wakers: Rc<Wakers>,
     readers: RefCell<Readers>,
     epoch: u32,
@@ -78,7 +79,7 @@ impl<T: Message> Publisher<T> {
     pub(crate) fn new(
         topic: String,
         epoch: u32,
-        service: Service<T>,
+        service: Arc<Service<T>>,
         port: iceoryx2::port::publisher::Publisher<ipc::Service, T, ()>,
         wakers: Rc<Wakers>,
         digests: bool,
@@ -188,8 +189,9 @@ impl<T: Message> Sent<T> {
         if count != readers.count {
             let mut names = Vec::new();
             self.service.dynamic_config().list_subscribers(|reader| {
-                if !reader.subscriber_name.is_empty() {
-                    names.push(reader.subscriber_name.to_string());
+                let name = reader.subscriber_name.to_string();
+                if is_woken(&name) {
+                    names.push(name);
                 }
                 CallbackProgression::Continue
             });
@@ -306,6 +308,33 @@ impl<T: Message> Subscriber<T> {
     /// Whether somebody publishes the topic. One who was killed counts until others clear it away.
     pub fn has_publisher(&self) -> bool {
         0 < self.state.service.dynamic_config().number_of_publishers()
+    }
+
+    /// Who publishes the topic, by name; see [`Subscriber::has_publisher`].
+    pub fn publishers(&self) -> Vec<String> {
+        let mut names = Vec::new();
+        self.state.service.dynamic_config().list_publishers(|publisher| {
+            names.push(publisher.publisher_name.to_string());
+            CallbackProgression::Continue
+        });
+        names
+    }
+
+    /// Who reads the topic, by name and each once; those who only look on are left out.
+    pub fn readers(&self) -> Vec<String> {
+        let mut names = Vec::new();
+        self.state.service.dynamic_config().list_subscribers(|reader| {
+            names.extend(owner_of(&reader.subscriber_name.to_string()).map(str::to_owned));
+            CallbackProgression::Continue
+        });
+        names.sort();
+        names.dedup();
+        names
+    }
+
+    /// [-] Samples that were sent and have not come: gaps in the sequence.
+    pub fn lost(&self) -> u64 {
+        self.state.lost.get()
     }
 
     /// Whether something is queued.

@@ -1,11 +1,13 @@
 //! One process's membership in a robot's shared memory: opens topics and wake-up channels.
 
 use std::rc::Rc;
+use std::sync::Arc;
 use std::time::Duration;
 
 use iceoryx2::port::{BackpressureAction, BackpressureInfo};
 use iceoryx2::prelude::{
-    BackpressureStrategy, NodeBuilder, NodeName, PortName, ServiceName, SignalHandlingMode, ipc,
+    BackpressureStrategy, CallbackProgression, NodeBuilder, NodeName, PortFactory as _, PortName,
+    ServiceName, SignalHandlingMode, ipc,
 };
 use iceoryx2::service::builder::publish_subscribe::{
     PublishSubscribeOpenError, PublishSubscribeOpenOrCreateError,
@@ -33,6 +35,12 @@ const OPEN_ATTEMPTS: u32 = 100;
 
 /// A reader in lock-step that takes longer than this for one sample hangs.
 const READER_TIMEOUT: Duration = Duration::from_secs(2);
+
+/// What the port names of readers begin with that no sample wakes. No node's name begins with it.
+const QUIET: char = '~';
+
+/// The same of readers that are no part of the robot: in lock-step it does not wait for them.
+const OBSERVER: char = '?';
 
 /// Long enough for another process to finish a system call.
 const OPEN_PAUSE: Duration = Duration::from_millis(5);
@@ -92,15 +100,16 @@ impl Session {
     /// Becomes the one publisher of `topic` that belongs to `owner`.
     pub fn publisher_to<T: Message>(&self, topic: &Topic<T>, owner: &str) -> Result<Publisher<T>> {
         let name = topic.full_name(owner);
-        let service = self.open(topic, owner)?;
+        let service = Arc::new(self.open(topic, owner)?);
         let port = retry(
             || {
+                let readers = Arc::clone(&service);
                 service
                     .publisher_builder()
                     .name(&port_name(&self.name))
                     .max_loaned_samples(1)
                     .backpressure_strategy(BackpressureStrategy::DiscardData)
-                    .set_backpressure_handler(await_reader)
+                    .set_backpressure_handler(move |info| await_reader(&readers, info))
                     .create()
             },
             |_| false,
@@ -132,26 +141,46 @@ impl Session {
 
     /// A reader of `topic` that no sample wakes: for what is looked at when something else wakes.
     pub fn quiet_subscriber<T: Message>(&self, topic: &Topic<T>) -> Result<Subscriber<T>> {
-        self.subscriber_as(topic, &self.name, "")
+        self.subscriber_as(topic, &self.name, &format!("{QUIET}{}", self.name))
+    }
+
+    /// A reader of `topic` that belongs to `owner`, for one who looks on and is no part of the robot:
+    /// no sample wakes it, and none waits for it, not even in lock-step, where it finds gaps if it
+    /// reads too slowly. `None` where nobody has opened the topic: one who looks on makes none.
+    pub fn observer<T: Message>(
+        &self,
+        topic: &Topic<T>,
+        owner: &str,
+    ) -> Result<Option<Subscriber<T>>> {
+        let name = topic.full_name(owner);
+        let service_name = service_name(&name)?;
+        let open = || {
+            let service = self.wakers.node().service_builder(&service_name);
+            service.publish_subscribe::<T>().open()
+        };
+        let is_passing = |cause: &PublishSubscribeOpenError| {
+            *cause != PublishSubscribeOpenError::DoesNotExist && !is_other(*cause)
+        };
+        let service = match retry(open, is_passing) {
+            Ok(service) => service,
+            Err(PublishSubscribeOpenError::DoesNotExist) => return Ok(None),
+            Err(cause) if is_other(cause) => return Err(incompatible::<T>(name)),
+            Err(cause) => {
+                return Err(Error::shared_memory(format!("open topic '{name}'"), cause));
+            }
+        };
+        let observer = format!("{OBSERVER}{}", self.name);
+        reader(topic, name, service, &observer).map(Some)
     }
 
     fn subscriber_as<T: Message>(
         &self,
         topic: &Topic<T>,
         owner: &str,
-        wakes: &str,
+        port: &str,
     ) -> Result<Subscriber<T>> {
-        let name = topic.full_name(owner);
         let service = self.open(topic, owner)?;
-        let history = usize::from(topic.loss == Loss::Latched);
-        let port = service
-            .subscriber_builder()
-            .name(&port_name(wakes))
-            .buffer_size(topic.depth)
-            .history_request(history)
-            .create()
-            .map_err(|cause| Error::shared_memory(format!("read topic '{name}'"), cause))?;
-        Ok(Subscriber::new(name, topic.loss, service, port, !wakes.is_empty()))
+        reader(topic, topic.full_name(owner), service, port)
     }
 
     /// Opens `topic` without a port and holds it open: for the one process that outlives the rest.
@@ -179,8 +208,7 @@ impl Session {
         };
         retry(open, |cause| !is_incompatible(*cause)).map_err(|cause| {
             if is_incompatible(cause) {
-                let message = std::any::type_name::<T>().rsplit("::").next().unwrap_or_default();
-                Error::Incompatible { topic: name, message }
+                incompatible::<T>(name)
             } else {
                 Error::shared_memory(format!("open topic '{name}'"), cause)
             }
@@ -198,13 +226,55 @@ impl Session {
     }
 }
 
-/// A reader's queue is full, and nothing may be lost: give it time, but not for ever.
-fn await_reader(info: &BackpressureInfo) -> BackpressureAction {
-    if READER_TIMEOUT < info.elapsed_time || 0 < signal::stop_requests() {
+fn reader<T: Message>(
+    topic: &Topic<T>,
+    name: String,
+    service: Service<T>,
+    port: &str,
+) -> Result<Subscriber<T>> {
+    let history = usize::from(topic.loss == Loss::Latched);
+    let wakes = is_woken(port);
+    let port = service
+        .subscriber_builder()
+        .name(&port_name(port))
+        .buffer_size(topic.depth)
+        .history_request(history)
+        .create()
+        .map_err(|cause| Error::shared_memory(format!("read topic '{name}'"), cause))?;
+    Ok(Subscriber::new(name, topic.loss, service, port, wakes))
+}
+
+/// A reader's queue is full, and nothing may be lost: give it time, but not for ever. One who only
+/// looks on loses what does not fit, and holds nobody up.
+fn await_reader<T: Message>(readers: &Service<T>, info: &BackpressureInfo) -> BackpressureAction {
+    let is_over = READER_TIMEOUT < info.elapsed_time || 0 < signal::stop_requests();
+    if is_over || (info.retries == 0 && is_observer(readers, info.receiver_port_id)) {
         return BackpressureAction::DiscardData;
     }
     rustix::thread::sched_yield();
     BackpressureAction::Retry
+}
+
+fn is_observer<T: Message>(readers: &Service<T>, port: u128) -> bool {
+    let mut is_observer = false;
+    readers.dynamic_config().list_subscribers(|reader| {
+        if reader.subscriber_id.value() != port {
+            return CallbackProgression::Continue;
+        }
+        is_observer = reader.subscriber_name.to_string().starts_with(OBSERVER);
+        CallbackProgression::Stop
+    });
+    is_observer
+}
+
+/// Whether a reader is woken whose port has this name.
+pub(crate) fn is_woken(port: &str) -> bool {
+    !port.starts_with([QUIET, OBSERVER])
+}
+
+/// Who has the port of this name; `None` where he only looks on.
+pub(crate) fn owner_of(port: &str) -> Option<&str> {
+    (!port.starts_with(OBSERVER)).then(|| port.trim_start_matches(QUIET))
 }
 
 /// A topic that is held open without a port.
@@ -217,6 +287,16 @@ fn is_incompatible(cause: PublishSubscribeOpenOrCreateError) -> bool {
     let PublishSubscribeOpenOrCreateError::PublishSubscribeOpenError(cause) = cause else {
         return false;
     };
+    is_other(cause)
+}
+
+fn incompatible<T>(topic: String) -> Error {
+    let message = std::any::type_name::<T>().rsplit("::").next().unwrap_or_default();
+    Error::Incompatible { topic, message }
+}
+
+/// Whether the topic is there, and is another one.
+const fn is_other(cause: PublishSubscribeOpenError) -> bool {
     matches!(
         cause,
         PublishSubscribeOpenError::IncompatibleTypes
