@@ -4,6 +4,7 @@ use std::process::ExitCode;
 
 use clap::Subcommand;
 use node::Arguments;
+use supervisor::Goal;
 
 use crate::{alone, check, emulate, page};
 
@@ -12,6 +13,8 @@ use crate::{alone, check, emulate, page};
 pub(crate) enum Verb {
     #[command(flatten)]
     Robot(supervisor::Verb),
+    #[command(flatten)]
+    Console(console::Verb),
     /// Measure the runtime on this machine
     Bench(bench::Options),
     /// Make the page of a run
@@ -43,6 +46,10 @@ impl Verb {
         match self {
             Self::Robot(verb) => verb.run(check::check, page::write),
             Self::Report(options) => node::exit_code("teseo report", page::make(&options)),
+            Self::Console(verb) => verb.run(|robot, node, is_wanted| {
+                let goal = if is_wanted { Goal::Started } else { Goal::Stopped };
+                supervisor::steer(robot, node, goal)
+            }),
             Self::Bench(options) => {
                 node::exit_code("teseo bench", bench::run(&options, alone::drive))
             }

@@ -317,7 +317,8 @@ mod tests {
     fn fields_are_filled_in_by_name_and_what_does_not_fit_is_refused() {
         let mut joints = JointState::default();
         assert_eq!(joints.set("velocity", "1.5, -2"), Ok(()));
-        assert_eq!(joints.velocity, [1.5, -2.0]);
+        let set = FieldValue::List([1.5, -2.0].map(FieldValue::Real).to_vec());
+        assert_eq!(joints.fields()[2].value, set);
         for (name, text, error) in [
             ("speed", "1", SetError::NoField),
             ("header", "1", SetError::NoField),

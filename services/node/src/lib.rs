@@ -45,6 +45,7 @@ pub mod observe;
 pub mod pairing;
 mod port;
 mod refusals;
+pub mod say;
 mod session;
 pub mod signal;
 pub mod trace;

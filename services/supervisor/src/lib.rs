@@ -46,7 +46,7 @@ use std::process::ExitCode;
 pub use options::Options;
 pub use pairing::run as pairing;
 pub use verb::Verb;
-pub use verbs::find;
+pub use verbs::{Goal, find, steer};
 
 /// What knows whether the parameters of a service are right; `None` where there is no such service.
 pub type Check = fn(&node::Settings) -> Option<node::Result>;

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use interfaces::Stamp;
+use interfaces::{PortStatus, Stamp};
 use node::clock;
 use serde_json::{Value, json};
 
@@ -81,9 +81,29 @@ fn of_node(supervisor: &Supervisor<'_>, node: usize, now: Stamp) -> Value {
         "restarts": view.restarts,
         "stalled": member.flow.stalled(now),
         "topics": topics,
+        "ports": member.status.ports().iter().map(of_port).collect::<Vec<_>>(),
+        "values": values(member),
         "text": text(member),
         "last_failure": failure.map(|(at, what)| json!({ "what": what, "ago_s": now.since(*at).as_secs_f64() })),
     })
+}
+
+/// What it publishes and reads, in this life or the last one.
+fn of_port(port: &PortStatus) -> Value {
+    json!({
+        "topic": port.topic.as_str(),
+        "publishes": port.publishes == 1,
+        "samples": port.samples,
+        "lost": port.lost,
+        "unread": port.unread,
+        "stale": port.stale,
+    })
+}
+
+/// What it says about itself in figures; JSON knows no NaN and no infinity, and says null.
+fn values(member: &Member) -> Value {
+    let values = member.status.values().iter();
+    values.map(|value| (value.key.to_string(), json!(value.value))).collect()
 }
 
 /// Its process; a node in a thread has the supervisor's.

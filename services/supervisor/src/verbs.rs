@@ -4,7 +4,6 @@ mod chaos;
 mod down;
 mod follow;
 mod motion;
-mod say;
 mod status;
 mod steer;
 mod table;
@@ -16,11 +15,15 @@ use std::time::Duration;
 use clap::{Args, Subcommand};
 use node::Namespace;
 use node::control::{self, Failure, LINES, Request};
+use node::say;
 
 use crate::last_words;
 use chaos::ChaosOptions;
 use follow::Feed;
-use steer::Goal;
+pub use steer::Goal;
+
+/// [s] A node that has not come up by then has a reason that `teseo why` tells.
+const STEER_WAIT_S: u64 = 60;
 
 /// A verb about a running robot.
 #[derive(Debug, Subcommand)]
@@ -142,7 +145,7 @@ pub struct OneNode {
     /// The node
     node: String,
     /// Give up after this long; the node goes on all the same
-    #[arg(long, value_name = "SECONDS", default_value_t = 60)]
+    #[arg(long, value_name = "SECONDS", default_value_t = STEER_WAIT_S)]
     wait: u64,
 }
 
@@ -223,6 +226,12 @@ pub fn find(name: Option<&str>) -> Result<Namespace, ExitCode> {
         say::complain(&failure);
         ExitCode::from(failure.code())
     })
+}
+
+/// Asks the supervisor for a node to be where `goal` says, tells what happens meanwhile, and returns
+/// when it is there: for the verbs of another service.
+pub fn steer(namespace: &Namespace, node: &str, goal: Goal) -> Result<u8, Failure> {
+    steer::steer(namespace, node, goal, Duration::from_secs(STEER_WAIT_S))
 }
 
 /// Whether the robot runs under this guardian, and is ready.

@@ -15,7 +15,7 @@ use node::launch::{Launch, Restart};
 use node::{Error, Namespace, Settings, signal};
 use serde_json::Value;
 
-use super::say::say;
+use node::say::say;
 use robot::Robot;
 use schedule::Rates;
 use story::Struck;

@@ -8,8 +8,8 @@ use node::{Namespace, clock};
 use rustix::fs::FlockOperation;
 use serde_json::Value;
 
-use super::say::{say, shown};
 use crate::{guardian, last_words};
+use node::say::{say, shown};
 
 /// Between two looks at what is left.
 const POLL: Duration = Duration::from_millis(5);

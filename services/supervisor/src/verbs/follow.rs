@@ -6,7 +6,7 @@ use node::control::{self, Connection, Failure, Heard, Request, told};
 use node::signal;
 use serde_json::Value;
 
-use super::say::{say, shown, time_of_day};
+use node::say::{say, shown, time_of_day};
 
 /// [character] Of a node's name, before a longer one has been seen.
 const NAME_MIN: usize = 10;

@@ -8,7 +8,7 @@ use interfaces::{MotionState, Permission, StopCause};
 use node::control::{self, Failure};
 use node::{Clock, EmergencyStop, Namespace, Publisher, Session, clock};
 
-use super::say::say;
+use node::say::say;
 
 /// Whoever drives wheels answers within one turn of its loop.
 const PATIENCE: Duration = Duration::from_secs(2);

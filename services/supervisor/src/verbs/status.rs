@@ -7,8 +7,8 @@ use node::control::{self, Connection, Failure, Request};
 use node::{Namespace, clock, signal};
 use serde_json::Value;
 
-use super::say::{say, wants_colours};
 use super::table;
+use node::say::{say, wants_colours};
 
 /// Between two looks.
 const PERIOD: Duration = Duration::from_secs(1);

@@ -6,13 +6,16 @@ use node::control::{Connection, Failure, Heard, Request, told};
 use node::{Namespace, clock};
 
 use super::follow::{Feed, Layout};
-use super::say::say;
+use node::say::say;
 
 /// Where a node is wanted.
-#[derive(Debug, Clone, Copy)]
-pub(super) enum Goal {
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Goal {
+    /// Down and up again.
     Restarted,
+    /// Down.
     Stopped,
+    /// Up.
     Started,
 }
 

@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use super::say::{shown, span};
+use node::say::{shown, span};
 
 const TITLES: [&str; COLUMNS] = ["NODE", "STATE", "PID", "UP", "RESTARTS", "RATE", "LAST FAULT"];
 

@@ -5,8 +5,8 @@ use node::{Namespace, clock};
 use serde_json::Value;
 
 use super::follow::{Feed, Layout, all};
-use super::say::{say, shown, span, time_of_day};
 use super::table::state;
+use node::say::{say, shown, span, time_of_day};
 
 /// [-] The last words of a life that failed.
 const LINES: usize = 5;

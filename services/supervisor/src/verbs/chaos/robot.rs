@@ -17,8 +17,8 @@ use serde_json::Value;
 use super::schedule::{Blow, What};
 use super::story::Struck;
 use crate::verbs::motion;
-use crate::verbs::say::say;
 use crate::{guardian, last_words, shim};
+use node::say::say;
 
 /// A robot is ready, or down, long before this, also on a busy machine.
 const PATIENCE: Duration = Duration::from_secs(30);

@@ -3,11 +3,11 @@
 use std::io::{ErrorKind, IsTerminal, Write};
 use std::time::Duration;
 
-use node::control::Failure;
+use crate::control::Failure;
 use serde_json::Value;
 
 /// Prints it on standard output, as one line or as many as it has.
-pub(super) fn say(text: &str) -> Result<(), Failure> {
+pub fn say(text: &str) -> Result<(), Failure> {
     let mut output = std::io::stdout().lock();
     let outcome = output.write_all(text.as_bytes());
     let outcome =
@@ -20,7 +20,7 @@ pub(super) fn say(text: &str) -> Result<(), Failure> {
 }
 
 /// Says on standard error what went wrong.
-pub(super) fn complain(failure: &Failure) {
+pub fn complain(failure: &Failure) {
     let text = match failure {
         Failure::Unwanted => return,
         Failure::Refused(text)
@@ -33,7 +33,7 @@ pub(super) fn complain(failure: &Failure) {
 }
 
 /// Says on standard error what is no answer, but worth knowing.
-pub(super) fn mention(text: &str) {
+pub fn mention(text: &str) {
     for line in text.lines() {
         // Whoever closed our standard error does not want to know.
         let _ = writeln!(std::io::stderr(), "{}", shown(line));
@@ -41,20 +41,20 @@ pub(super) fn mention(text: &str) {
 }
 
 /// Whether whoever reads wants colours: a terminal that has them, by <https://no-color.org>.
-pub(super) fn wants_colours() -> bool {
+pub fn wants_colours() -> bool {
     let given = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty());
     let is_dumb = given("TERM").is_some_and(|terminal| terminal == "dumb");
     std::io::stdout().is_terminal() && given("NO_COLOR").is_none() && !is_dumb
 }
 
 /// What a terminal can be shown, whatever a node has said.
-pub(super) fn shown(text: &str) -> String {
+pub fn shown(text: &str) -> String {
     let shown = |c: char| if c.is_control() && c != '\t' { '\u{fffd}' } else { c };
     text.chars().map(shown).collect()
 }
 
 /// A length of time in the two units that matter: `42s`, `1m12s`, `2h05m`, `3d04h`.
-pub(super) fn span(seconds: f64) -> String {
+pub fn span(seconds: f64) -> String {
     let seconds = Duration::try_from_secs_f64(seconds).unwrap_or_default().as_secs();
     let (minutes, hours) = (seconds / 60, seconds / 3600);
     match seconds {
@@ -66,7 +66,7 @@ pub(super) fn span(seconds: f64) -> String {
 }
 
 /// The time of day of something that has happened, in UTC: `12:01:07.412`.
-pub(super) fn time_of_day(happening: &Value) -> &str {
+pub fn time_of_day(happening: &Value) -> &str {
     let wall = happening["wall"].as_str().unwrap_or_default();
     wall.split_once('T').map_or(wall, |(_, time)| time.trim_end_matches('Z'))
 }
