@@ -1,6 +1,7 @@
 //! What the parameters of our services may be: each service knows its own, and here all are known.
 
-use node::Settings;
+use node::config::Listed;
+use node::{Settings, Tunable};
 
 /// Checks the parameters of one of our services; `None` where there is no such service.
 pub(crate) fn check(settings: &Settings) -> Option<node::Result> {
@@ -10,6 +11,22 @@ pub(crate) fn check(settings: &Settings) -> Option<node::Result> {
         "controller" => Some(controller::check(settings)),
         "multiplexer" => Some(multiplexer::check(settings)),
         "turtlebot3" => Some(turtlebot3::check(settings)),
+        _ => None,
+    }
+}
+
+/// The parameters of one of our services, and which of them may be changed while it runs; `None` where
+/// there is no such service.
+pub(crate) fn parameters(
+    settings: &Settings,
+) -> Option<(node::Result<Vec<Listed>>, &'static [Tunable])> {
+    let none: &[Tunable] = &[];
+    match settings.name() {
+        "simulator" => Some((settings.listed::<simulator::Config>(), none)),
+        "odometry" => Some((settings.listed::<odometry::Config>(), none)),
+        "controller" => Some((settings.listed::<controller::Config>(), &controller::TUNABLES)),
+        "multiplexer" => Some((settings.listed::<multiplexer::Config>(), none)),
+        "turtlebot3" => Some((settings.listed::<turtlebot3::Config>(), none)),
         _ => None,
     }
 }

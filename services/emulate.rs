@@ -12,6 +12,9 @@ pub(crate) enum Robot {
     ///
     /// Says on standard output when its wheels turn and stand, by the clock of all stamps, and takes
     /// orders on standard input: `unplug board`, `garbage lidar`, `battery 10.9`; `help` tells all.
+    #[command(
+        after_help = "Example:\n  teseo emulate turtlebot3 --lidar lds-01 --until round-trip"
+    )]
     Turtlebot3(Options),
 }
 

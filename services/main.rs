@@ -5,6 +5,7 @@
 mod alone;
 mod check;
 mod emulate;
+mod help;
 mod page;
 mod verb;
 
@@ -13,11 +14,18 @@ use std::process::ExitCode;
 use clap::Parser;
 use verb::Verb;
 
+/// What somebody types first.
+const EXAMPLES: &str = "Examples:
+  teseo up config/lab_robot.toml --detach
+  teseo status
+  teseo topic list
+  teseo down";
+
 /// A zero-copy shared-memory robotics runtime for one machine.
 ///
 /// Without a verb: `up config/simulation.toml --until round-trip`.
 #[derive(Parser)]
-#[command(name = "teseo", version)]
+#[command(name = "teseo", version, after_help = EXAMPLES)]
 struct Command {
     #[command(subcommand)]
     verb: Option<Verb>,

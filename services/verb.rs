@@ -3,10 +3,11 @@
 use std::process::ExitCode;
 
 use clap::Subcommand;
-use node::Arguments;
+use node::control::Failure;
+use node::{Arguments, Namespace};
 use supervisor::Goal;
 
-use crate::{alone, check, emulate, page};
+use crate::{alone, check, emulate, help, page};
 
 /// What is to be done.
 #[derive(Subcommand)]
@@ -20,24 +21,42 @@ pub(crate) enum Verb {
     /// Make the page of a run
     Report(report::Options),
     /// Play a robot, for a bridge to talk to
+    #[command(after_help = "Example:\n  teseo emulate turtlebot3")]
     Emulate {
         #[command(subcommand)]
         robot: emulate::Robot,
     },
     /// The world, the drive and the LiDAR
+    #[command(
+        after_help = "Example:\n  teseo simulator --config config/lab_robot.toml --autostart"
+    )]
     Simulator(Arguments),
     /// Wheels or poses in, pose and velocity out
+    #[command(after_help = "Example:\n  teseo odometry --config config/lab_robot.toml --autostart")]
     Odometry(Arguments),
     /// Scan and odometry in, tickets for those that belong together out
+    #[command(after_help = "Example:\n  teseo pairing --config config/lab_robot.toml --autostart")]
     Pairing(Arguments),
     /// The wall follower
+    #[command(
+        after_help = "Example:\n  teseo controller --config config/lab_robot.toml --autostart"
+    )]
     Controller(Arguments),
     /// Commands of a person and of the controller in, those of the one that drives out
+    #[command(after_help = "Example:\n  teseo multiplexer --config config/teleop.toml --autostart")]
     Multiplexer(Arguments),
     /// The bridge to a real TurtleBot3, in the simulator's place
+    #[command(
+        after_help = "Example:\n  teseo turtlebot3 --config config/turtlebot3.toml --autostart"
+    )]
     Turtlebot3(Arguments),
     /// Drive a robot from the keyboard, over its autonomy
+    #[command(after_help = "Example:\n  teseo teleop --linear-max 0.1")]
     Teleop(teleop::Options),
+    /// Print what makes a shell complete these words
+    Completions(help::Completions),
+    /// Print a page of the manual
+    Man(help::Man),
 }
 
 impl Verb {
@@ -46,10 +65,9 @@ impl Verb {
         match self {
             Self::Robot(verb) => verb.run(check::check, page::write),
             Self::Report(options) => node::exit_code("teseo report", page::make(&options)),
-            Self::Console(verb) => verb.run(|robot, node, is_wanted| {
-                let goal = if is_wanted { Goal::Started } else { Goal::Stopped };
-                supervisor::steer(robot, node, goal)
-            }),
+            Self::Console(verb) => verb.run(steer, check::parameters),
+            Self::Completions(options) => help::complete(&options),
+            Self::Man(options) => help::manual(&options),
             Self::Bench(options) => {
                 node::exit_code("teseo bench", bench::run(&options, alone::drive))
             }
@@ -68,4 +86,10 @@ impl Verb {
             },
         }
     }
+}
+
+/// Has the supervisor bring a node up or down.
+fn steer(robot: &Namespace, node: &str, is_wanted: bool) -> Result<u8, Failure> {
+    let goal = if is_wanted { Goal::Started } else { Goal::Stopped };
+    supervisor::steer(robot, node, goal)
 }

@@ -2,9 +2,9 @@
 
 use crate::{
     BatteryState, BoardRequest, ChangeState, Header, Imu, JointState, LaserScan, Message,
-    MotionRequest, MotionState, NodeStatus, Odometry, Outcome, Permission, PortStatus, Pose,
-    SensorPair, SensorState, Stamp, State, StopCause, Text, Transition, TransitionEvent, Value,
-    VelocityCommand,
+    MotionRequest, MotionState, NodeStatus, Odometry, Outcome, ParameterChange, Permission,
+    PortStatus, Pose, SensorPair, SensorState, SetParameter, Stamp, State, StopCause, Text,
+    Transition, TransitionEvent, Value, VelocityCommand,
 };
 
 /// A message of the topic table, whose fields have names.
@@ -265,6 +265,15 @@ messages! {
     TransitionEvent {
         start_state by |event: &Self| word(event.start_state, State::label) => "-",
         goal_state by |event: &Self| word(event.goal_state, State::label) => "-",
+        reason => "-",
+    }
+    SetParameter { value => "as the key says", key => "-" }
+    ParameterChange {
+        request => "-",
+        former => "as the key says",
+        value => "as the key says",
+        accepted => "-",
+        key => "-",
         reason => "-",
     }
     NodeStatus {

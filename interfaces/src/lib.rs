@@ -9,6 +9,7 @@ mod fields;
 mod lifecycle;
 mod messages;
 mod motion;
+mod parameters;
 mod sensors;
 mod status;
 mod text;
@@ -22,6 +23,7 @@ pub use messages::{
     VelocityCommand,
 };
 pub use motion::{MotionRequest, MotionState, Permission, REJECTIONS_MAX, StopCause};
+pub use parameters::{ParameterChange, SetParameter};
 pub use sensors::{BatteryState, BoardRequest, Imu, SensorState};
 pub use status::{NodeStatus, Outcome, PORTS_MAX, PortStatus, VALUES_MAX, Value};
 pub use text::Text;

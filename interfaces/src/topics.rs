@@ -19,6 +19,8 @@
 //! | `pose` | `Pose` | `map` | optional | a localization |
 //! | `~/change_state` | `ChangeState` | | by request | supervisor |
 //! | `~/transition_event` | `TransitionEvent` | | by change | the node |
+//! | `~/set_parameter` | `SetParameter` | | by request | supervisor |
+//! | `~/parameter_change` | `ParameterChange` | | by request | the node |
 //! | `~/status` | `NodeStatus` | | 10 Hz and by change | the node |
 //!
 //! Each topic has one publisher; shared memory refuses a second.
@@ -32,8 +34,8 @@ use iceoryx2::prelude::ZeroCopySend;
 
 use crate::{
     BatteryState, BoardRequest, ChangeState, Described, Header, Imu, JointState, LaserScan,
-    MotionRequest, MotionState, NodeStatus, Odometry, Pose, SensorPair, SensorState,
-    TransitionEvent, VelocityCommand,
+    MotionRequest, MotionState, NodeStatus, Odometry, ParameterChange, Pose, SensorPair,
+    SensorState, SetParameter, TransitionEvent, VelocityCommand,
 };
 
 /// A sample that can travel on a topic.
@@ -198,6 +200,14 @@ pub const CHANGE_STATE: Topic<ChangeState> =
 pub const TRANSITION_EVENT: Topic<TransitionEvent> =
     Topic::new("transition_event", 16, DEADLINE_LIFECYCLE, "the node").of_each_node().latched();
 
+/// What the supervisor asks of one node's parameters.
+pub const SET_PARAMETER: Topic<SetParameter> =
+    Topic::new("set_parameter", 2, DEADLINE_LIFECYCLE, "supervisor").of_each_node();
+
+/// What one node made of that.
+pub const PARAMETER_CHANGE: Topic<ParameterChange> =
+    Topic::new("parameter_change", 2, DEADLINE_LIFECYCLE, "the node").of_each_node();
+
 /// What one node says about itself.
 pub const STATUS: Topic<NodeStatus> =
     Topic::new("status", 4, DEADLINE_LIFECYCLE, "the node").of_each_node().latched();
@@ -261,5 +271,7 @@ table!(
     POSE,
     CHANGE_STATE,
     TRANSITION_EVENT,
+    SET_PARAMETER,
+    PARAMETER_CHANGE,
     STATUS,
 );

@@ -8,6 +8,7 @@
 mod graph;
 mod lifecycle;
 mod nodes;
+mod parameters;
 mod robot;
 mod table;
 mod topic;
@@ -19,6 +20,7 @@ use node::Namespace;
 use node::control::{self, Failure};
 use node::say;
 
+pub use parameters::Know;
 use robot::Robot;
 
 /// Asks the supervisor for a node to be up (`true`) or down, and returns when it is.
@@ -36,6 +38,9 @@ pub enum Verb {
     /// Look at where nodes stand, and have the supervisor move them
     #[command(after_help = "Example:\n  teseo lifecycle get controller")]
     Lifecycle(lifecycle::Lifecycle),
+    /// Look at what nodes were told, and change it while they run, where that is safe
+    #[command(after_help = "Example:\n  teseo param list controller")]
+    Param(parameters::Parameters),
     /// Show the running robot's processes, and the topics between them
     Graph(graph::Options),
 }
@@ -57,11 +62,12 @@ impl Which {
 
 impl Verb {
     /// Does it, and says with the exit code how it went, as all verbs about running robots do.
-    pub fn run(&self, steer: Steer) -> ExitCode {
+    pub fn run(&self, steer: Steer, know: Know) -> ExitCode {
         let outcome = match self {
             Self::Topic(verb) => verb.carry_out(),
             Self::Node(verb) => verb.carry_out(),
             Self::Lifecycle(verb) => verb.carry_out(steer),
+            Self::Param(verb) => verb.carry_out(know),
             Self::Graph(options) => graph::show(options),
         };
         match outcome {

@@ -13,6 +13,8 @@ pub(crate) struct Robot {
     /// `ready`, `starting`, `degraded` or `ending`.
     pub(crate) state: String,
     pub(crate) nodes: Vec<Node>,
+    /// All that is known.
+    pub(crate) json: Value,
 }
 
 /// One of its nodes.
@@ -49,6 +51,7 @@ impl Robot {
             clock: if is_lockstep { Clock::Lockstep } else { Clock::Realtime },
             state: text(&status["state"]),
             nodes: status["nodes"].as_array().into_iter().flatten().map(Node::of).collect(),
+            json: status,
         })
     }
 

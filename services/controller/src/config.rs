@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use node::Tunable;
 use node::config::{Parameters, Report};
 use serde::{Deserialize, Serialize};
 
@@ -135,6 +136,22 @@ pub struct CorridorConfig {
     /// [1/s] Turning speed per heading error.
     pub gain_heading_1_s: f64,
 }
+
+/// What may be changed while the robot drives: speeds, gains, and the distance to the wall. What says
+/// when a robot stops, where its commands go, or what it is made of, may not.
+pub static TUNABLES: [Tunable; 11] = [
+    Tunable { key: "wall_following.target_distance_m", range: 0.15..=0.5 },
+    Tunable { key: "wall_following.gain_proportional_rad_s_m", range: 0.0..=20.0 },
+    Tunable { key: "wall_following.gain_derivative_rad_m", range: 0.0..=20.0 },
+    Tunable { key: "wall_following.speed_m_s", range: 0.01..=0.22 },
+    Tunable { key: "wall_following.turn_speed_rad_s", range: 0.1..=2.0 },
+    Tunable { key: "wall_following.fixed_front_speed_m_s", range: 0.01..=0.22 },
+    Tunable { key: "corridor_following.speed_m_s", range: 0.01..=0.22 },
+    Tunable { key: "corridor_following.acceleration_m_s2", range: 0.05..=2.0 },
+    Tunable { key: "corridor_following.angular_max_rad_s", range: 0.1..=2.84 },
+    Tunable { key: "corridor_following.gain_offset_rad_m", range: 0.1..=20.0 },
+    Tunable { key: "corridor_following.gain_heading_1_s", range: 0.1..=20.0 },
+];
 
 impl Parameters for Config {
     fn check(&self, report: &mut Report<'_>) {
@@ -358,6 +375,15 @@ mod tests {
     fn the_default_is_the_lab_s_simulation() {
         assert_eq!(parse(LAB_SIMULATION), Config::default());
         assert_eq!(parse(""), Config::default());
+    }
+
+    #[test]
+    fn what_may_be_changed_on_the_way_is_there_and_may_be_all_that_its_range_says() {
+        for Tunable { key, range } in &TUNABLES {
+            for value in [range.start(), range.end()] {
+                parse(&format!("{key} = {value:?}"));
+            }
+        }
     }
 
     #[test]

@@ -187,6 +187,11 @@ impl CorridorFollowing {
         }
     }
 
+    /// Goes on by other speeds and gains.
+    pub(crate) fn retune(&mut self, config: &CorridorConfig) {
+        self.config = config.clone();
+    }
+
     /// The motion for these samples; where neither is newer than before, the last motion.
     pub(crate) fn update(&mut self, scan: &LaserScan, odometry: &Odometry) -> Motion {
         let news = self.last.as_ref().map_or(News::Start, |last| last.news(scan, odometry));

@@ -22,7 +22,8 @@ mod walls;
 use interfaces::{LaserScan, Odometry, Pose, Stamp, VelocityCommand};
 
 pub use config::{
-    Algorithm, Commands, Config, ConfigError, CorridorConfig, Distances, Pacing, WallConfig,
+    Algorithm, Commands, Config, ConfigError, CorridorConfig, Distances, Pacing, TUNABLES,
+    WallConfig,
 };
 
 pub use run::{check, run};
@@ -168,6 +169,17 @@ impl Controller {
         }
         check_samples(scan, odometry)?;
         Ok(standstill(scan.header.stamp.max(odometry.header.stamp)))
+    }
+
+    /// From now on drives by the speeds, gains and distances of `config`, and remembers what it has
+    /// seen. What else `config` says, the algorithm and the seed among it, changes nothing.
+    pub fn retune(&mut self, config: &Config) -> Result<(), ConfigError> {
+        config.validate()?;
+        match &mut self.follower {
+            Follower::Wall(wall) => wall.retune(&config.wall_following),
+            Follower::Corridor(corridor) => corridor.retune(&config.corridor_following),
+        }
+        Ok(())
     }
 
     /// What the robot is doing.

@@ -9,16 +9,19 @@ use interfaces::{LaserScan, MotionState, Odometry, Permission, Pose, SensorPair,
 use node::config::{self, Place};
 use node::{
     Clock, Diary, Error, Gauge, Latency, Lookup, Node, Publisher, Refusals, Result, Sample,
-    Settings, Subscriber, Window,
+    Settings, Subscriber, Tuning, Window,
 };
 
 use crate::noted::{NOTED, note};
-use crate::{Commands, Config, Controller, Pacing, Unfit, check_age, is_handed_over, standstill};
+use crate::{
+    Commands, Config, Controller, Pacing, TUNABLES, Unfit, check_age, is_handed_over, standstill,
+};
 
 /// Runs the controller as a managed node.
 pub fn run(node: &mut Node<'_>) -> Result {
     let (config, controller) = load(node.settings())?;
-    let driver = Driver::new(node, controller, &config)?;
+    let mut driver = Driver::new(node, controller, &config)?;
+    driver.tuning = tuning(node, &config)?;
     match config.pacing {
         Pacing::EveryPair => every_pair(node, driver),
         Pacing::Timer => on_a_timer(node, driver, Duration::from_secs_f64(config.period_s)),
@@ -43,12 +46,21 @@ fn load(settings: &Settings) -> Result<(Config, Controller)> {
     Ok((config, controller))
 }
 
+/// In lock-step nothing changes on the way: the same launch file would not give the same bytes.
+fn tuning(node: &mut Node<'_>, config: &Config) -> Result<Option<Tuning<Config>>> {
+    match node.clock() {
+        Clock::Lockstep => Ok(None),
+        Clock::Realtime => node.tuning(config.clone(), &TUNABLES).map(Some),
+    }
+}
+
 /// One command for each pair, as it comes: the lab's simulation.
 fn every_pair(node: &mut Node<'_>, mut driver: Driver) -> Result {
     while let Some(tick) = node.tick()? {
         if tick.activated {
             driver.waiting = None;
         }
+        driver.retune(node)?;
         node.wake_by(None);
         while let Some(ticket) = driver.next_ticket()? {
             if driver.drive(node, &ticket)? == Answer::NotYet {
@@ -72,6 +84,7 @@ fn on_a_timer(node: &mut Node<'_>, mut driver: Driver, period: Duration) -> Resu
         if tick.activated {
             newest = None;
         }
+        driver.retune(node)?;
         while let Some(ticket) = driver.next_ticket()? {
             newest = Some(ticket);
         }
@@ -103,6 +116,7 @@ struct Driver {
     gone: Gauge,
     refusals: Refusals,
     diary: Diary,
+    tuning: Option<Tuning<Config>>,
 }
 
 /// What became of a ticket.
@@ -139,7 +153,16 @@ impl Driver {
             gone: node.gauge("tickets_whose_sample_is_gone"),
             refusals: Refusals::new(node, "unfit", Unfit::ALL.map(Unfit::label)),
             diary: node.diary(&NOTED),
+            tuning: None,
         })
+    }
+
+    /// Goes on by what was changed, if something was.
+    fn retune(&mut self, node: &Node<'_>) -> Result {
+        let Some(tuning) = &mut self.tuning else { return Ok(()) };
+        let Some(config) = tuning.take(node)? else { return Ok(()) };
+        let retuned = self.controller.retune(config);
+        retuned.map_err(|cause| Error::Fault(format!("cannot drive: {cause}")))
     }
 
     /// The next ticket, with the samples taken in that came before it.

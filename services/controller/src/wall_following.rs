@@ -79,6 +79,11 @@ impl WallFollowing {
         }
     }
 
+    /// Goes on by other speeds, gains and distances.
+    pub(crate) fn retune(&mut self, config: &WallConfig) {
+        self.config = config.clone();
+    }
+
     /// The motion for this scan; for one no newer than the last, the last motion, unchanged.
     pub(crate) fn update(&mut self, scan: &LaserScan) -> Motion {
         let (stamp, epoch) = (scan.header.stamp, scan.header.epoch);

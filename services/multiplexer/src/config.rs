@@ -3,12 +3,12 @@
 use std::time::Duration;
 
 use node::config::{Parameters, Report};
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use crate::Source;
 
 /// How long each source may be silent before those of lower priority are heard again.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Config {
     /// [ms] Of a person's commands. Longer than the dead-man's time at the wheels: a robot whose

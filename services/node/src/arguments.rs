@@ -8,7 +8,7 @@ use clap::{Args, CommandFactory, FromArgMatches, Parser};
 use interfaces::Stamp;
 use rustix::process::{Pid, Signal};
 
-use crate::config::{Errors, Parameters, Report, Setting};
+use crate::config::{Errors, Listable, Listed, Parameters, Report, Setting};
 use crate::faults::FaultsByTopic;
 use crate::launch::Launch;
 use crate::trace::TRACE;
@@ -196,6 +196,11 @@ impl Settings {
     /// The node's own parameters.
     pub fn parameters<T: Parameters>(&self) -> Result<T> {
         Ok(self.launch.parameters(&self.name, &self.sets)?)
+    }
+
+    /// The same, key by key, with the place where each was written.
+    pub fn listed<T: Listable>(&self) -> Result<Vec<Listed>> {
+        Ok(self.launch.listed::<T>(&self.name, &self.sets)?)
     }
 }
 

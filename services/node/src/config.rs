@@ -29,6 +29,7 @@
 mod captured;
 mod error;
 mod layers;
+mod listed;
 mod missing;
 mod parse;
 mod reader;
@@ -45,5 +46,7 @@ mod tests;
 pub use captured::{FileName, Table};
 pub use error::{Error, Errors, Place, suggestion};
 pub use layers::Layers;
+pub use listed::{Listable, Listed};
+pub(crate) use listed::{changed, number};
 pub use report::{Parameters, Report};
 pub use setting::Setting;

@@ -24,7 +24,7 @@ const PATIENCE: Duration = Duration::from_secs(5);
 const POLL: Duration = Duration::from_millis(10);
 
 /// What can be asked for.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "verb", rename_all = "lowercase", deny_unknown_fields)]
 pub enum Request {
     /// Whether anybody is there.
@@ -66,6 +66,15 @@ pub enum Request {
     Stop {
         /// The node.
         node: String,
+    },
+    /// Another value of one parameter, from now until the node's life ends.
+    Set {
+        /// The node.
+        node: String,
+        /// Dotted, with its unit at the end.
+        key: String,
+        /// [as the key says] The value.
+        value: f64,
     },
 }
 

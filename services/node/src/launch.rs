@@ -10,7 +10,7 @@ use serde::Deserialize;
 
 pub use process::{Kind, Process, Restart, Strategy};
 
-use crate::config::{Errors, Layers, Parameters, Report, Setting};
+use crate::config::{Errors, Layers, Listable, Listed, Parameters, Report, Setting};
 use crate::faults::FaultsByTopic;
 use crate::namespace::check_name;
 use crate::pairing::{self, offline::Algorithm};
@@ -130,13 +130,22 @@ impl Launch {
     /// The parameters of the process called `name`: the defaults, then its parameter file, then the
     /// launch file, then the command line.
     pub fn parameters<T: Parameters>(&self, name: &str, sets: &[Setting]) -> Result<T, Errors> {
+        self.layers(name, sets).parse()
+    }
+
+    /// The same, key by key, with the place where each was written.
+    pub fn listed<T: Listable>(&self, name: &str, sets: &[Setting]) -> Result<Vec<Listed>, Errors> {
+        self.layers(name, sets).listed::<T>()
+    }
+
+    fn layers(&self, name: &str, sets: &[Setting]) -> Layers {
         let own = sets.iter().filter_map(|set| set.within(name));
         let own: Vec<_> = own.filter(|set| set.scope() != FAULTS).collect();
         let mut layers = Layers::new();
         if let Some(process) = self.process(name) {
             layers = layers.named(process.parameters_file.as_ref()).table(&process.parameters);
         }
-        layers.settings(&own).parse()
+        layers.settings(&own)
     }
 
     /// What goes wrong on purpose with the topics of the process called `name`, and what else

@@ -18,13 +18,14 @@ use rustix::process::{Pid, getppid};
 
 use crate::arguments;
 use crate::config;
+use crate::config::Listable;
 use crate::diary::{Diary, Records};
 use crate::faults::FaultyLink;
 use crate::figures::Figures;
 use crate::wake::Waiter;
 use crate::{
-    Clock, Error, Gauge, Latency, Publisher, Result, Session, Settings, Subscriber, clock, memory,
-    signal, trace,
+    Clock, Error, Gauge, Latency, Publisher, Result, Session, Settings, Subscriber, Tunable,
+    Tuning, clock, memory, signal, trace,
 };
 use ports::{Ports, Promise};
 use rhythm::Rhythm;
@@ -196,6 +197,16 @@ impl<'a> Node<'a> {
     /// late turns come is told as `late`.
     pub fn set_period(&mut self, period: Duration) {
         self.rhythm.set_period(period, &mut self.figures);
+    }
+
+    /// From now on these of its `parameters` may be changed while the node runs; see
+    /// [`Tuning::take`].
+    pub fn tuning<T: Listable>(
+        &mut self,
+        parameters: T,
+        tunables: &'static [Tunable],
+    ) -> Result<Tuning<T>> {
+        Tuning::open(self.session, parameters, tunables)
     }
 
     /// A figure of this node's status, with its unit at the end of `key` (`distance_m`).

@@ -1,8 +1,9 @@
 //! Memory: how much of it a robot shares, and keeping it from ever being paged.
 
 use interfaces::topics::{
-    AUTONOMY_COMMAND, BATTERY_STATE, CHANGE_STATE, IMU, JOINT_STATES, ODOMETRY, POSE, ROBOT_POSE,
-    SCAN, SENSOR_PAIR, SENSOR_STATE, STATUS, TELEOP_COMMAND, TRANSITION_EVENT, VELOCITY_COMMAND,
+    AUTONOMY_COMMAND, BATTERY_STATE, CHANGE_STATE, IMU, JOINT_STATES, ODOMETRY, PARAMETER_CHANGE,
+    POSE, ROBOT_POSE, SCAN, SENSOR_PAIR, SENSOR_STATE, SET_PARAMETER, STATUS, TELEOP_COMMAND,
+    TRANSITION_EVENT, VELOCITY_COMMAND,
 };
 use interfaces::{Message, Topic};
 use rustix::mm::{MlockAllFlags, mlockall};
@@ -63,7 +64,11 @@ pub(crate) fn need(launch: &Launch) -> u64 {
         + segment(&AUTONOMY_COMMAND)
         + segment(&TELEOP_COMMAND)
         + segment(&POSE);
-    let of_node = segment(&CHANGE_STATE) + segment(&TRANSITION_EVENT) + segment(&STATUS);
+    let of_node = segment(&CHANGE_STATE)
+        + segment(&TRANSITION_EVENT)
+        + segment(&STATUS)
+        + segment(&SET_PARAMETER)
+        + segment(&PARAMETER_CHANGE);
     (of_robot + nodes * of_node + (nodes + 1) * TABLES_PER_PROCESS) as u64
 }
 

@@ -3,10 +3,10 @@
 use std::time::Duration;
 
 use node::config::{Parameters, Report};
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 /// Which measurement, and the robot's geometry.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Config {
     /// What the robot reports.
@@ -33,7 +33,7 @@ pub struct Config {
 }
 
 /// What the robot reports about its motion.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Source {
     /// Wheel angles, on `joint_states`: pose and velocity by forward kinematics.
@@ -44,7 +44,7 @@ pub enum Source {
 }
 
 /// Where the heading comes from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Heading {
     /// The wheels' difference: exact until one slips.
@@ -56,7 +56,7 @@ pub enum Heading {
 }
 
 /// Which way something turns, seen from above.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Turning {
     /// To the left, as it should be.

@@ -5,12 +5,12 @@ use std::fmt;
 use interfaces::BEAMS_MAX;
 use node::config::{FileName, Parameters, Report};
 use node::deadman;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use crate::{Noise, WheelLimit};
 
 /// The robot, its start and its goal.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Config {
     /// The world's file.
@@ -52,7 +52,7 @@ pub struct Config {
 }
 
 /// The LiDAR and where it sits.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct LidarConfig {
     /// [-] In one turn, at most [`BEAMS_MAX`].

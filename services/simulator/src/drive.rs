@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use interfaces::{JointState, LEFT, RIGHT};
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use crate::Config;
 
@@ -11,7 +11,7 @@ use crate::Config;
 const TICKS_PER_TURN: f64 = 4096.0;
 
 /// What happens to a command that asks more of a wheel than it can do.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum WheelLimit {
     /// The whole command is ignored and the last valid one goes on.

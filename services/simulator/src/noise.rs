@@ -4,13 +4,13 @@ use std::f64::consts::TAU;
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 /// [-] The LiDAR's own stream of the seed: no other sensor's draws can shift it.
 const LIDAR_STREAM: u64 = 1;
 
 /// How far a LiDAR's measurements are from the truth.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Noise {
     /// Every range is true.

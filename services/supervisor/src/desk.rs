@@ -143,7 +143,7 @@ impl Desk {
     }
 
     /// The last line for this client.
-    fn answer(&mut self, client: ClientId, line: &Value) {
+    pub(crate) fn answer(&mut self, client: ClientId, line: &Value) {
         self.control.reply(client, line);
         self.control.close(client);
     }
@@ -175,6 +175,11 @@ impl Supervisor<'_> {
             Request::Start { node } => {
                 let any = |epoch| Goal::Active { epoch };
                 return self.ask_for_node(client, &node, any, Ask::Start);
+            }
+            Request::Set { node, key, value } => {
+                if let Ok(Some(node)) = self.find(client, Some(&node)) {
+                    self.ask_to_set(client, node, &key, value);
+                }
             }
             Request::Stop { node } => {
                 return self.ask_for_node(client, &node, |_| Goal::Down, Ask::Stop);

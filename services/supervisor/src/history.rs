@@ -67,6 +67,20 @@ impl History {
         self.push(("motion", None, None), text, details, at, wall)
     }
 
+    /// Takes in that a node's parameter was changed, or was not.
+    pub(crate) fn add_parameter(
+        &mut self,
+        node: usize,
+        epoch: u32,
+        text: String,
+        details: Value,
+        at: Stamp,
+        wall: SystemTime,
+    ) -> &Happening {
+        let details = Map::from_iter([("parameter".to_owned(), details)]);
+        self.push(("parameter", Some(node), Some(epoch)), text, details, at, wall)
+    }
+
     fn push(
         &mut self,
         (kind, node, epoch): (&'static str, Option<usize>, Option<u32>),

@@ -36,6 +36,7 @@ mod status;
 mod supervise;
 mod sweep;
 mod timeline;
+mod tuning;
 mod units;
 mod verb;
 mod verbs;

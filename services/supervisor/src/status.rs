@@ -25,6 +25,8 @@ pub(crate) fn status(supervisor: &Supervisor<'_>) -> Value {
         "robot": launch.robot,
         "state": state(supervisor),
         "config": supervisor.options.config.display().to_string(),
+        "directory": std::env::current_dir().ok().map(|path| path.display().to_string()),
+        "sets": supervisor.options.sets(),
         "clock": clock_label(launch.clock),
         "seed": launch.seed,
         "guardian": supervisor.guardian,
@@ -83,6 +85,7 @@ fn of_node(supervisor: &Supervisor<'_>, node: usize, now: Stamp) -> Value {
         "topics": topics,
         "ports": member.status.ports().iter().map(of_port).collect::<Vec<_>>(),
         "values": values(member),
+        "changed": supervisor.tuning.changed(node, view.epoch),
         "text": text(member),
         "last_failure": failure.map(|(at, what)| json!({ "what": what, "ago_s": now.since(*at).as_secs_f64() })),
     })

@@ -23,6 +23,7 @@ use crate::motion::Motion;
 use crate::notify::{Datagram, NotifySocket, Word};
 use crate::report::{self, Report};
 use crate::screen::Screen;
+use crate::tuning::Tuning;
 use crate::verdict::Verdict;
 use crate::{Options, Render, guardian, pairing, plan, sweep, timeline};
 
@@ -103,7 +104,7 @@ pub(crate) struct Supervisor<'a> {
     /// Lives that wait until what the last one left is out of their way.
     postponed: Vec<(usize, u32, Stamp)>,
     unfinished: Unfinished,
-    screen: Screen,
+    pub(crate) screen: Screen,
     systemd: Notifier,
     systemd_period: Duration,
     systemd_due: Stamp,
@@ -114,7 +115,8 @@ pub(crate) struct Supervisor<'a> {
     ending: Option<Ending>,
     /// Held open by the process that outlives the others, so that a restart finds its topics.
     _topics: Vec<Held>,
-    _session: Session,
+    pub(crate) session: Session,
+    pub(crate) tuning: Tuning,
 }
 
 impl<'a> Supervisor<'a> {
@@ -159,7 +161,8 @@ impl<'a> Supervisor<'a> {
             stop_requests: 0,
             ending: None,
             _topics: hold_topics(&session, settings.name())?,
-            _session: session,
+            session,
+            tuning: Tuning::default(),
             namespace,
             members,
             names,
@@ -214,6 +217,7 @@ impl<'a> Supervisor<'a> {
         }
         self.hear_signals();
         self.hear_of_motion(now)?;
+        self.hear_of_parameters(now)?;
         for (client, request) in self.desk.requests(now) {
             let asked = self.answer(client, request);
             self.events.extend(asked.map(Event::Asked));
@@ -443,6 +447,7 @@ impl<'a> Supervisor<'a> {
             postponed,
             self.machine.next_deadline(),
             self.desk.next_deadline(),
+            self.tuning.next_deadline(),
             Some(self.systemd_due),
         ];
         let due = deadlines.into_iter().flatten().min().unwrap_or(now);

@@ -18,6 +18,8 @@ use crate::{Check, Render};
 #[derive(Debug, Subcommand)]
 pub enum Verb {
     /// Bring a robot up, run it, and take it down again
+    #[command(after_help = "Examples:\n  teseo up config/simulation.toml --until round-trip\n  \
+                            teseo up config/lab_robot.toml --detach")]
     Up(Options),
     /// Say everything that is wrong with a launch file, without running it
     Check(CheckOptions),
@@ -28,6 +30,7 @@ pub enum Verb {
     /// Say what of this machine would trouble a robot, and what mends it
     Doctor(DoctorOptions),
     /// Remove what the dead runs of a robot have left
+    #[command(after_help = "Example:\n  teseo clear --robot burger")]
     Clear(ClearOptions),
     /// Become a node's program: for the supervisor alone
     #[command(name = shim::VERB, hide = true)]

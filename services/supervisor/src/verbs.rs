@@ -29,6 +29,7 @@ const STEER_WAIT_S: u64 = 60;
 #[derive(Debug, Subcommand)]
 pub enum Verb {
     /// Take a robot down, in order; return when nothing of it is left
+    #[command(after_help = "Example:\n  teseo down --wait 10")]
     Down {
         #[command(flatten)]
         #[allow(missing_docs, reason = "the flattened options document themselves")]
@@ -38,6 +39,7 @@ pub enum Verb {
         wait: u64,
     },
     /// Show the robot's nodes; the exit code is 0 where it is ready, 1 where not, 3 where none runs
+    #[command(after_help = "Example:\n  teseo status --watch")]
     Status {
         #[command(flatten)]
         #[allow(missing_docs, reason = "the flattened options document themselves")]
@@ -50,6 +52,7 @@ pub enum Verb {
         watch: bool,
     },
     /// Show what nodes have written, also those that have died
+    #[command(after_help = "Example:\n  teseo logs controller --follow")]
     Logs {
         #[command(flatten)]
         #[allow(missing_docs, reason = "the flattened options document themselves")]
@@ -67,24 +70,28 @@ pub enum Verb {
         json: bool,
     },
     /// Take a node and whoever requires it down and up again
+    #[command(after_help = "Example:\n  teseo restart odometry")]
     Restart {
         #[command(flatten)]
         #[allow(missing_docs, reason = "the flattened options document themselves")]
         node: OneNode,
     },
     /// Take a node and whoever requires it down, until it is started again
+    #[command(after_help = "Example:\n  teseo stop controller")]
     Stop {
         #[command(flatten)]
         #[allow(missing_docs, reason = "the flattened options document themselves")]
         node: OneNode,
     },
     /// Bring a node and whoever it requires up again
+    #[command(after_help = "Example:\n  teseo start controller")]
     Start {
         #[command(flatten)]
         #[allow(missing_docs, reason = "the flattened options document themselves")]
         node: OneNode,
     },
     /// Show what has happened
+    #[command(after_help = "Example:\n  teseo events --follow")]
     Events {
         #[command(flatten)]
         #[allow(missing_docs, reason = "the flattened options document themselves")]
@@ -100,6 +107,9 @@ pub enum Verb {
     },
     /// Stop the robot at once and hold it, across restarts, until the stop is cleared; needs no
     /// supervisor, and without a name stops every robot
+    #[command(
+        after_help = "Examples:\n  teseo estop --reason \"a hand in the maze\"\n  teseo estop --clear"
+    )]
     Estop {
         #[command(flatten)]
         #[allow(missing_docs, reason = "the flattened options document themselves")]
@@ -112,6 +122,7 @@ pub enum Verb {
         reason: String,
     },
     /// Let a robot move again that stopped too often, or that was not armed since its start
+    #[command(after_help = "Example:\n  teseo arm")]
     Arm {
         #[command(flatten)]
         #[allow(missing_docs, reason = "the flattened options document themselves")]
@@ -120,6 +131,7 @@ pub enum Verb {
     /// Bring a robot up, let things go wrong with it from a seed, and say what it did
     Chaos(ChaosOptions),
     /// Say why a node is in the state that it is in
+    #[command(after_help = "Example:\n  teseo why controller")]
     Why {
         #[command(flatten)]
         #[allow(missing_docs, reason = "the flattened options document themselves")]

@@ -4,12 +4,12 @@ use std::time::Duration;
 
 use node::config::{Parameters, Report};
 use node::deadman;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use crate::lidar::Model;
 
 /// The robot's ports and what is at them.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Config {
     /// [-] The OpenCR board's serial port.
@@ -34,7 +34,7 @@ pub struct Config {
 }
 
 /// Which LiDAR it is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, Serialize)]
 pub enum LidarChoice {
     /// Found out: each is listened for in turn.
     #[default]
@@ -61,7 +61,7 @@ impl LidarChoice {
 
 /// Which way the board turns the robot for a positive turning speed. Here and on every topic
 /// positive is counterclockwise; a robot has been seen that turned the other way.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum PositiveTurn {
     /// As it should be.

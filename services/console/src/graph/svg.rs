@@ -97,11 +97,14 @@ fn draw_edge(svg: &mut String, graph: &Graph, edge: &Edge, y: usize) {
     if let Some(x) = from {
         let _ = writeln!(svg, "<circle cx=\"{x}\" cy=\"{y}\" r=\"5\" fill=\"{colour}\"/>");
     }
-    let start = from.unwrap_or(left) + 10;
+    // Where nothing goes to the right there may be no room there either.
+    let goes_left = from.is_some_and(|from| from == right && left < from);
+    let (start, anchor) =
+        if goes_left { (right - 10, "end") } else { (from.unwrap_or(left) + 10, "start") };
     let rate = edge.label();
     let _ = writeln!(
         svg,
-        "<text x=\"{start}\" y=\"{}\" fill=\"#1f2933\" stroke=\"#ffffff\" stroke-width=\"4\" \
+        "<text x=\"{start}\" y=\"{}\" text-anchor=\"{anchor}\" fill=\"#1f2933\" stroke=\"#ffffff\" stroke-width=\"4\" \
          paint-order=\"stroke\">{} <tspan fill=\"#616e7c\" font-size=\"11\">{rate}</tspan></text>",
         y - 7,
         escaped(&edge.topic)

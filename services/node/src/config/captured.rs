@@ -5,6 +5,7 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 
 use serde::de::{Deserialize, Deserializer, Error as _, Visitor};
+use serde::{Serialize, Serializer};
 
 use super::report::Parameters;
 use super::source::Origin;
@@ -56,6 +57,12 @@ impl FileName {
 
     pub(super) fn origin(&self) -> Option<&Origin> {
         self.origin.as_ref()
+    }
+}
+
+impl Serialize for FileName {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        self.path.serialize(serializer)
     }
 }
 

@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use super::captured::{FileName, Table};
 use super::error::{Error, Errors};
+use super::listed::{Listable, Listed, listed};
 use super::missing::unreadable;
 use super::repair;
 use super::report::{Parameters, Report};
@@ -94,6 +95,13 @@ impl Layers {
                 Err(all)
             }
         }
+    }
+
+    /// Every key with its value, and where that was written; or everything that is wrong.
+    pub fn listed<T: Listable>(self) -> Result<Vec<Listed>, Errors> {
+        let merged = self.merged.clone();
+        let parsed: T = self.parse()?;
+        Ok(listed(&merged, &parsed))
     }
 
     fn read(mut self, path: &Path, named_at: Option<&Origin>) -> Self {

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use super::braking::Deceleration;
 use crate::config::Report;
@@ -11,7 +11,7 @@ use crate::config::Report;
 pub const REARMS_MAX: usize = 3;
 
 /// The dead-man's settings: `[process.parameters.deadman]` of whatever drives the wheels.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Config {
     /// [ms] Without a valid command for longer than this the robot stops; 50 to 500.

@@ -12,7 +12,8 @@ const LINE_MAX: usize = 64 * 1024;
 const QUOTE_MAX: usize = 160;
 
 /// How each of them is called.
-const VERBS: [&str; 8] = ["ping", "status", "down", "events", "logs", "restart", "start", "stop"];
+const VERBS: [&str; 9] =
+    ["ping", "status", "down", "events", "logs", "restart", "start", "stop", "set"];
 
 /// The line of a request, as far as it has come.
 #[derive(Debug, Default)]

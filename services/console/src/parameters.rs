@@ -1,0 +1,317 @@
+//! `teseo param`: what a node was told, and telling it something else while it runs.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use clap::{Args, Subcommand};
+use node::config::{Listed, Place, suggestion};
+use node::control::{Connection, Failure, Request};
+use node::say::{mention, say};
+use node::{Settings, Tunable, clock};
+use serde_json::{Value, json};
+
+use crate::robot::{Node, Robot};
+use crate::table::{number, table};
+use crate::{Which, refused};
+
+/// What knows the parameters of a service and which of them may be changed while it runs; `None` where
+/// there is no such service.
+pub type Know = fn(&Settings) -> Option<(node::Result<Vec<Listed>>, &'static [Tunable])>;
+
+/// A verb about parameters.
+#[derive(Debug, Args)]
+pub struct Parameters {
+    #[command(subcommand)]
+    verb: Verb,
+}
+
+/// What there is to be asked.
+#[derive(Debug, Subcommand)]
+enum Verb {
+    /// List a node's parameters: value, unit, what they may be changed to, default, and who says so
+    #[command(after_help = "Example:\n  teseo param list controller")]
+    List {
+        #[command(flatten)]
+        robot: Which,
+        /// The node
+        node: String,
+        /// Print one JSON array
+        #[arg(long)]
+        json: bool,
+    },
+    /// Print one parameter's value
+    #[command(after_help = "Example:\n  teseo param get controller wall_following.speed_m_s")]
+    Get {
+        #[command(flatten)]
+        robot: Which,
+        /// The node
+        node: String,
+        /// The parameter's dotted key
+        key: String,
+    },
+    /// Change a parameter from now until the node starts anew; the change is an event
+    #[command(after_help = "Example:\n  teseo param set controller wall_following.speed_m_s 0.1")]
+    Set {
+        #[command(flatten)]
+        robot: Which,
+        /// The node
+        node: String,
+        /// The parameter's dotted key
+        key: String,
+        /// The value, in the unit at the key's end
+        #[arg(allow_negative_numbers = true)]
+        value: f64,
+    },
+}
+
+impl Parameters {
+    pub(crate) fn carry_out(&self, know: Know) -> Result<u8, Failure> {
+        match &self.verb {
+            Verb::List { robot, node, json } => {
+                let robot = robot.find()?;
+                let node = robot.node(node)?;
+                let all = all(&robot, node, know)?;
+                if *json {
+                    let all: Vec<_> = all.iter().map(Parameter::json).collect();
+                    say(&json!(all).to_string())?;
+                } else {
+                    let rows: Vec<_> = all.iter().map(Parameter::cells).collect();
+                    say(&table(
+                        &["PARAMETER", "VALUE", "UNIT", "MAY BE", "DEFAULT", "FROM"],
+                        &rows,
+                    ))?;
+                }
+                mention_newer_files(&robot, node, &all);
+            }
+            Verb::Get { robot, node, key } => {
+                let robot = robot.find()?;
+                let node = robot.node(node)?;
+                let all = all(&robot, node, know)?;
+                say(&shown(&find(&all, key)?.value))?;
+                mention_newer_files(&robot, node, &all);
+            }
+            Verb::Set { robot, node, key, value } => set(&robot.find()?, node, key, *value)?,
+        }
+        Ok(0)
+    }
+}
+
+/// One parameter of a node that runs.
+struct Parameter {
+    key: String,
+    value: Value,
+    default: Value,
+    from: From,
+    tunable: Option<&'static Tunable>,
+}
+
+/// Who says what a parameter is.
+enum From {
+    Place(Place),
+    /// Somebody, while the node runs.
+    Change,
+}
+
+/// All parameters of a node: as its launch file has them, and what was changed since its start.
+fn all(robot: &Robot, node: &Node, know: Know) -> Result<Vec<Parameter>, Failure> {
+    let settings = Settings::of_supervisor(&robot.config(), &robot.sets())
+        .map_err(|error| refused(&error))?
+        .within(&node.name);
+    let Some((listed, tunables)) = know(&settings) else {
+        let name = &node.name;
+        return Err(Failure::Refused(format!(
+            "{name} is none of our services: its own program knows its parameters, which stand in \
+             {}",
+            robot.config().display()
+        )));
+    };
+    let changed = &node.json["changed"];
+    let of = |listed: Listed| {
+        let change = changed.get(&listed.key).filter(|_| node.is_alive);
+        Parameter {
+            tunable: tunables.iter().find(|tunable| tunable.key == listed.key),
+            value: change.cloned().unwrap_or(listed.value),
+            from: change.map_or(From::Place(listed.place), |_| From::Change),
+            key: listed.key,
+            default: listed.default,
+        }
+    };
+    let listed = listed.map_err(|error| refused(&error))?;
+    Ok(listed.into_iter().map(of).collect())
+}
+
+fn find<'a>(all: &'a [Parameter], key: &str) -> Result<&'a Parameter, Failure> {
+    all.iter().find(|parameter| parameter.key == key).ok_or_else(|| {
+        let keys: Vec<_> = all.iter().map(|parameter| &parameter.key).collect();
+        Failure::Refused(format!("there is no parameter `{key}`; {}", suggestion(key, &keys)))
+    })
+}
+
+fn set(robot: &Robot, node: &str, key: &str, value: f64) -> Result<(), Failure> {
+    if !value.is_finite() {
+        return Err(Failure::Refused(format!("{value} is no finite number")));
+    }
+    let request = Request::Set { node: node.to_owned(), key: key.to_owned(), value };
+    let answer = Connection::open(&robot.namespace, &request)?.answer()?;
+    let former = answer["parameter"]["former"].as_f64().unwrap_or_default();
+    let (former, value) = (number(former), number(value));
+    say(&format!(
+        "{node}: {key} {former} -> {value}, until {node} starts anew; for good: --set \
+         {node}.{key}={value}, or its file"
+    ))
+}
+
+/// A node was told what its files said when it started, and nobody knows that any more where they have
+/// changed.
+fn mention_newer_files(robot: &Robot, node: &Node, all: &[Parameter]) {
+    let Some(uptime) = node.json["uptime_s"].as_f64() else { return };
+    let uptime = Duration::try_from_secs_f64(uptime).unwrap_or_default();
+    let mut files = vec![robot.config()];
+    for parameter in all {
+        if let From::Place(Place::Line { file, .. }) = &parameter.from
+            && !files.contains(file)
+        {
+            files.push(file.clone());
+        }
+    }
+    for file in files.iter().filter(|file| age(file).is_some_and(|age| age < uptime)) {
+        mention(&format!(
+            "{} was written after {} started, which goes by what it said before",
+            file.display(),
+            node.name
+        ));
+    }
+}
+
+fn age(file: &Path) -> Option<Duration> {
+    let written = std::fs::metadata(file).ok()?.modified().ok()?;
+    clock::wall().duration_since(written).ok()
+}
+
+impl Robot {
+    fn config(&self) -> PathBuf {
+        let given = Path::new(self.json["config"].as_str().unwrap_or_default());
+        // As it is written is shorter, where that is the same file.
+        let whole = Path::new(self.json["directory"].as_str().unwrap_or_default()).join(given);
+        let here = std::env::current_dir().is_ok_and(|here| here.join(given) == whole);
+        if here { given.to_owned() } else { whole }
+    }
+
+    fn sets(&self) -> Vec<String> {
+        let sets = self.json["sets"].as_array().into_iter().flatten();
+        sets.filter_map(|set| set.as_str().map(str::to_owned)).collect()
+    }
+}
+
+impl Parameter {
+    fn cells(&self) -> Vec<String> {
+        let range = self.tunable.map(|tunable| &tunable.range);
+        vec![
+            self.key.clone(),
+            shown(&self.value),
+            unit(&self.key).to_owned(),
+            range.map_or_else(
+                || "-".to_owned(),
+                |range| format!("{}..{}", number(*range.start()), number(*range.end())),
+            ),
+            shown(&self.default),
+            self.source(),
+        ]
+    }
+
+    fn source(&self) -> String {
+        match &self.from {
+            From::Place(Place::Default) => "default".to_owned(),
+            From::Place(Place::Setting(_)) => "--set".to_owned(),
+            From::Place(Place::Line { file, line, .. }) => {
+                let name = file.file_name().unwrap_or_default().to_string_lossy();
+                format!("{name}:{line}")
+            }
+            From::Place(Place::File(file)) => file.display().to_string(),
+            From::Change => "param set".to_owned(),
+        }
+    }
+
+    fn json(&self) -> Value {
+        let range = self.tunable.map(|tunable| [*tunable.range.start(), *tunable.range.end()]);
+        let place = match &self.from {
+            From::Place(place) => place.to_string(),
+            From::Change => "param set".to_owned(),
+        };
+        json!({
+            "key": self.key,
+            "value": self.value,
+            "unit": unit(&self.key),
+            "range": range,
+            "default": self.default,
+            "from": place,
+        })
+    }
+}
+
+/// As it would be written, or a dash where there is nothing.
+fn shown(value: &Value) -> String {
+    match value {
+        Value::Null => "-".to_owned(),
+        Value::String(text) => node::say::shown(text),
+        Value::Number(value) => {
+            value.as_f64().filter(|_| value.is_f64()).map_or_else(|| value.to_string(), number)
+        }
+        other => other.to_string(),
+    }
+}
+
+/// The unit at the end of a key, the longest that there is.
+fn unit(key: &str) -> &'static str {
+    const UNITS: [(&str, &str); 13] = [
+        ("_rad_s_m", "rad/(s m)"),
+        ("_m_s2", "m/s^2"),
+        ("_rad_s2", "rad/s^2"),
+        ("_rad_s", "rad/s"),
+        ("_rad_m", "rad/m"),
+        ("_m_s", "m/s"),
+        ("_1_s", "1/s"),
+        ("_rad", "rad"),
+        ("_ms", "ms"),
+        ("_us", "us"),
+        ("_hz", "Hz"),
+        ("_m", "m"),
+        ("_s", "s"),
+    ];
+    UNITS.iter().find(|(end, _)| key.ends_with(end)).map_or("-", |(_, unit)| unit)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_unit_is_the_longest_end_of_the_key() {
+        for (key, expected) in [
+            ("wall_following.gain_proportional_rad_s_m", "rad/(s m)"),
+            ("gain_derivative_rad_m", "rad/m"),
+            ("speed_m_s", "m/s"),
+            ("acceleration_m_s2", "m/s^2"),
+            ("teleop_timeout_ms", "ms"),
+            ("gain_heading_1_s", "1/s"),
+            ("track_m", "m"),
+            ("algorithm", "-"),
+        ] {
+            assert_eq!(unit(key), expected, "{key}");
+        }
+    }
+
+    #[test]
+    fn values_are_shown_as_they_would_be_written() {
+        for (value, text) in [
+            (json!(0.15), "0.15"),
+            (json!(240), "240"),
+            (json!(true), "true"),
+            (json!("outer"), "outer"),
+            (json!([1.5, 2.0]), "[1.5,2.0]"),
+            (Value::Null, "-"),
+        ] {
+            assert_eq!(shown(&value), text);
+        }
+    }
+}
