@@ -1,12 +1,52 @@
 //! Looking at a robot that runs: what the console's verbs show of it, and that it does not notice.
 
+use std::time::Duration;
+
 use interfaces::topics;
 use node::observe;
+use rustix::process::Signal;
+use serde_json::Value;
 
-use crate::robot::alone;
+use crate::robot::{Ended, Robot, Run, alone};
 
 /// Long enough, in simulated time, for whoever comes in the meantime.
 const FOR: [&str; 2] = ["--for", "900"];
+
+/// Long enough for a dozen verbs.
+const LONG: [&str; 2] = ["--for", "5000"];
+
+/// As `config/lab_robot.toml`, in real time.
+const REALTIME: &str = include_str!("../config/lab_robot.toml");
+
+/// A robot in real time that is ready.
+fn realtime(robot: &Robot) -> Run<'_> {
+    let run = robot.start_up(&[&robot.launch_file_from(REALTIME, &[])]);
+    robot.await_ready();
+    run
+}
+
+/// What `teseo` says with these arguments, to which nobody objects.
+#[track_caller]
+fn said(robot: &Robot, arguments: &[&str]) -> Ended {
+    let ended = robot.start(arguments).wait();
+    ended.assert_code(0);
+    assert!(!ended.out.contains('\x1b'), "an escape code in a file\n{}", ended.story());
+    ended
+}
+
+/// The one line of the output that begins with `word`, in words.
+#[track_caller]
+fn row<'a>(ended: &'a Ended, word: &str) -> Vec<&'a str> {
+    let lines = ended.out.lines().map(|line| line.split_whitespace().collect::<Vec<_>>());
+    let found: Vec<_> = lines.filter(|words| words.first() == Some(&word)).collect();
+    assert_eq!(found.len(), 1, "lines that begin with {word}\n{}", ended.story());
+    found[0].clone()
+}
+
+#[track_caller]
+fn refused(robot: &Robot, arguments: &[&str], code: i32, why: &str) {
+    robot.start(arguments).wait().assert_code(code).assert_says(&[why]);
+}
 
 #[test]
 fn one_who_looks_on_and_never_reads_holds_no_robot_up_and_changes_no_byte() {
@@ -34,4 +74,268 @@ fn one_who_looks_on_and_never_reads_holds_no_robot_up_and_changes_no_byte() {
             assert!(numbers[depth - 1] + 1 < seen.topics()[name]["sent"].as_u64().unwrap());
         }
     });
+}
+
+#[test]
+fn one_who_looks_on_and_is_killed_holds_no_robot_up_either() {
+    let robot = Robot::new();
+    let unseen = robot.up(&LONG);
+    let run = robot.start_up(&LONG).await_active();
+    let echo = robot.start(&["topic", "echo", "scan", "--json"]).await_output("\"range\"");
+    echo.signal(Signal::KILL).wait();
+    let seen = run.wait();
+
+    seen.assert_code(0).assert_nothing_lost();
+    assert_eq!(seen.digest(), unseen.digest(), "SEED=1\n{}", seen.story());
+}
+
+#[test]
+fn topics_are_listed_with_who_is_at_them() {
+    let robot = Robot::new();
+    let run = realtime(&robot);
+
+    let list = said(&robot, &["topic", "list"]);
+    let scan = row(&list, "scan");
+    assert_eq!(
+        (scan[1], &scan[scan.len() - 3..]),
+        ("LaserScan", &["simulator", "pairing,", "controller"][..])
+    );
+    assert!(!list.out.contains("\nimu ") && !list.out.contains('/'), "{}", list.story());
+    let all = said(&robot, &["topic", "list", "--all"]);
+    all.assert_says(&["\nimu ", "controller/status "]);
+    let json = said(&robot, &["topic", "list", "--json"]);
+    let json: Value = serde_json::from_str(&json.out).unwrap();
+    assert_eq!(json[0]["topic"], "scan");
+
+    said(&robot, &["topic", "info", "cmd_vel"]).assert_says(&[
+        "VelocityCommand, 40 bytes",
+        "publisher  controller (may be: controller or multiplexer)",
+        "readers    simulator (",
+        "linear [m/s], angular [rad/s]",
+    ]);
+    for line in [&list, &all].iter().flat_map(|ended| ended.out.lines()) {
+        assert!(line.chars().count() <= 100, "{line}");
+    }
+    refused(&robot, &["topic", "info", "scna"], 1, "did you mean `scan`?");
+    run.stop();
+    refused(&robot, &["topic", "list"], 3, "no robot is running");
+}
+
+#[test]
+fn samples_are_printed_field_by_field_for_people_and_for_programs() {
+    let robot = Robot::new();
+    let run = realtime(&robot);
+
+    let text = said(&robot, &["topic", "echo", "odom", "--once"]);
+    assert!(text.out.starts_with("stamp "), "{}", text.story());
+    assert_eq!(row(&text, "linear").last(), Some(&"m/s"), "{}", text.story());
+    let json = said(&robot, &["topic", "echo", "scan", "-n", "2", "--json"]);
+    let samples: Vec<Value> =
+        json.out.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    assert_eq!(samples.len(), 2);
+    assert_eq!(samples[0]["range"].as_array().map(Vec::len), Some(240));
+    assert_eq!(
+        samples[1]["sequence"].as_u64(),
+        samples[0]["sequence"].as_u64().map(|number| number + 1)
+    );
+    let csv = said(&robot, &["topic", "echo", "odom", "-n", "2", "--csv"]);
+    let lines: Vec<_> = csv.out.lines().collect();
+    assert_eq!(lines.len(), 3, "{}", csv.story());
+    assert!(lines[0].starts_with("stamp [ns],sequence,epoch,x [m],"), "{}", csv.story());
+    let field = said(&robot, &["topic", "echo", "odom", "--field", "x", "-n", "3"]);
+    let xs: Vec<f64> = field.out.lines().map(|line| line.parse().unwrap()).collect();
+    assert!(xs.len() == 3 && xs.is_sorted(), "it drives ahead: {xs:?}");
+    // What is latched is there though nothing happens.
+    said(&robot, &["topic", "echo", "motion_state", "--once"]).assert_says(&["armed"]);
+
+    refused(&robot, &["topic", "echo", "odom", "--field", "z"], 1, "odom has no field `z`");
+    refused(&robot, &["topic", "echo", "imu", "--once"], 1, "has no topic `imu`");
+    // It ends with the robot.
+    let endless = robot.start(&["topic", "echo", "odom"]).await_output("---");
+    run.stop();
+    endless.wait().assert_code(3).assert_says(&["robot 'burger' went away"]);
+}
+
+#[test]
+fn rate_bandwidth_and_age_are_those_of_the_topic() {
+    let robot = Robot::new();
+    let run = realtime(&robot);
+
+    let hz = said(&robot, &["topic", "hz", "scan", "--once", "--json"]);
+    let hz: Value = serde_json::from_str(&hz.out).unwrap();
+    // By their stamps, which a busy machine does not change.
+    let rate = hz["hz_by_stamp"].as_f64().unwrap();
+    assert!((rate - 20.0).abs() < 2.0, "{hz}");
+    assert!(hz["jitter_s"].is_number() && hz["age_p50_s"].is_number(), "{hz}");
+    said(&robot, &["topic", "hz", "scan", "--for", "1"]).assert_says(&["Hz; period", "jitter"]);
+    said(&robot, &["topic", "bw", "scan", "--once"]).assert_says(&["3896 bytes a sample"]);
+    said(&robot, &["topic", "delay", "odom", "--once"]).assert_says(&["median"]);
+    let interrupted = robot.start(&["topic", "hz", "scan"]).await_output("Hz");
+    interrupted.signal(Signal::INT).wait().assert_code(0);
+    run.stop();
+}
+
+#[test]
+fn one_publishes_where_nobody_does_and_is_told_who_does_where_not() {
+    let robot = Robot::new();
+    let run = realtime(&robot);
+
+    let echo = robot.start(&["topic", "echo", "pose", "-n", "2", "--field", "x"]);
+    let echo = echo.await_output("nobody publishes pose");
+    let sent = said(&robot, &["topic", "pub", "pose", "x=1.5", "--rate", "20", "--for", "0.5"]);
+    sent.assert_says(&["sent 10 on pose"]);
+    assert_eq!(echo.wait().out, "1.5\n1.5\n");
+
+    for (arguments, why) in [
+        (&["cmd_vel", "linear=0.1"][..], "on this robot that is controller (active)"),
+        (&["teleop_cmd_vel", "linear=0.1"], "nobody on this robot reads `teleop_cmd_vel`"),
+        (&["pose", "z=1"], "pose has no field `z`"),
+        (&["pose", "x=far"], "`far` is nothing that `x` [m] can hold"),
+        (&["controller/change_state"], "and nobody else"),
+    ] {
+        refused(&robot, &[&["topic", "pub"], arguments].concat(), 1, why);
+    }
+    // One who is down comes back, and would not be believed after us.
+    said(&robot, &["lifecycle", "set", "controller", "shutdown"]);
+    refused(&robot, &["topic", "pub", "cmd_vel"], 1, "that is controller (down)");
+    run.stop();
+}
+
+#[test]
+fn a_pose_that_is_published_hands_the_robot_over() {
+    let robot = Robot::new();
+    let run = realtime(&robot);
+
+    said(&robot, &["topic", "pub", "pose", "localized=1"]);
+    // Another node is to drive now, and there is none.
+    said(&robot, &["events"]);
+    let run = run.await_output("dead-man");
+    run.stop();
+}
+
+#[test]
+fn nodes_are_shown_and_moved_by_their_supervisor() {
+    let robot = Robot::new();
+    let run = realtime(&robot);
+
+    let list = said(&robot, &["node", "list"]);
+    assert_eq!(row(&list, "controller")[1], "active");
+    said(&robot, &["node", "info", "controller"]).assert_says(&[
+        "cmd_vel",
+        "sensor_pair",
+        "age_p50_us",
+    ]);
+    assert_eq!(said(&robot, &["lifecycle", "get", "controller"]).out, "active [3]\n");
+    assert_eq!(
+        said(&robot, &["lifecycle", "list", "controller"]).out,
+        "shutdown  active -> finalized\n"
+    );
+    refused(&robot, &["lifecycle", "set", "controller", "deactivate"], 1, "active or down");
+    refused(&robot, &["lifecycle", "set", "controller", "start"], 1, "there is no transition");
+    refused(&robot, &["node", "info", "contrller"], 1, "did you mean `controller`?");
+
+    said(&robot, &["lifecycle", "set", "controller", "shutdown"]).assert_says(&["is stopped"]);
+    assert_eq!(row(&said(&robot, &["node", "list"]), "controller")[1], "down");
+    said(&robot, &["lifecycle", "set", "controller", "activate"]).assert_says(&["is active"]);
+    assert_eq!(said(&robot, &["lifecycle", "get", "controller"]).out, "active [3]\n");
+    run.stop();
+}
+
+#[test]
+fn the_graph_is_that_of_the_running_robot_in_every_format() {
+    let robot = Robot::new();
+    let run = realtime(&robot);
+    let guest = robot.start(&["topic", "pub", "pose", "x=1", "--rate", "5"]);
+
+    let has_guest = || said(&robot, &["graph"]).out.contains("pub (guest)");
+    assert!(crate::robot::wait_until(Duration::from_secs(10), has_guest));
+    let text = said(&robot, &["graph"]);
+    text.assert_says(&["burger is ready", "controller (active)"]);
+    assert_eq!(row(&text, "cmd_vel").last(), Some(&"simulator"));
+    said(&robot, &["graph", "--dot"])
+        .assert_says(&["\"simulator\" -> \"/scan\";", "\"pub\" -> \"/pose\""]);
+    said(&robot, &["graph", "--mermaid"]).assert_says(&["n_simulator --> t_scan"]);
+    let svg = said(&robot, &["graph", "--svg"]);
+    assert!(svg.out.starts_with("<svg ") && svg.out.ends_with("</svg>\n"), "{}", svg.story());
+    let json = said(&robot, &["graph", "--json"]);
+    let json: Value = serde_json::from_str(&json.out).unwrap();
+    assert!(json["topics"].as_array().is_some_and(|topics| 5 < topics.len()), "{json}");
+    guest.signal(Signal::INT).wait().assert_code(0);
+    run.stop();
+}
+
+#[test]
+fn a_parameter_is_changed_while_the_robot_drives_and_the_change_is_an_event() {
+    let robot = Robot::new();
+    let run = realtime(&robot);
+    const SPEED: &str = "wall_following.speed_m_s";
+
+    let list = said(&robot, &["param", "list", "controller"]);
+    assert_eq!(row(&list, SPEED)[1..5], ["0.15", "m/s", "0.01..0.22", "-"]);
+    assert!(row(&list, "pacing")[4].starts_with("lab_robot.toml:"), "{}", list.story());
+    assert_eq!(said(&robot, &["param", "get", "controller", SPEED]).out, "0.15\n");
+
+    said(&robot, &["param", "set", "controller", SPEED, "0.05"]).assert_says(&["0.15 -> 0.05"]);
+    assert_eq!(said(&robot, &["param", "get", "controller", SPEED]).out, "0.05\n");
+    let echo = ["topic", "echo", "cmd_vel", "--field", "linear", "-n", "100"];
+    robot.start(&echo).await_output("0.05\n").wait();
+    let events = said(&robot, &["events"]);
+    events.assert_says(&["controller wall_following.speed_m_s 0.15 -> 0.05"]);
+
+    for (key, value, why) in [
+        (SPEED, "9", "give 0.01 to 0.22"),
+        (SPEED, "-1", "give 0.01 to 0.22"),
+        ("input_age_max_s", "9", "cannot be changed while the node runs"),
+        ("wall_following.sped_m_s", "0.1", "did you mean `wall_following.speed_m_s`?"),
+    ] {
+        refused(&robot, &["param", "set", "controller", key, value], 1, why);
+    }
+    said(&robot, &["events"]).assert_says(&["refused wall_following.speed_m_s = 9"]);
+    refused(
+        &robot,
+        &["param", "set", "simulator", "deadman.timeout_ms", "9"],
+        1,
+        "no parameter that",
+    );
+
+    // Another life of the node goes by the launch file again.
+    said(&robot, &["restart", "controller"]);
+    assert_eq!(said(&robot, &["param", "get", "controller", SPEED]).out, "0.15\n");
+    run.stop();
+}
+
+#[test]
+fn in_lock_step_everything_is_shown_and_nothing_is_changed() {
+    let robot = Robot::new();
+    let unseen = robot.up(&LONG);
+    let run = robot.start_up(&LONG).await_active();
+
+    for verb in [
+        &["topic", "list"][..],
+        &["topic", "echo", "odom", "--once"],
+        &["node", "info", "simulator"],
+        &["lifecycle", "get"],
+        &["graph"],
+        &["param", "list", "controller"],
+    ] {
+        said(&robot, verb);
+    }
+    refused(&robot, &["topic", "delay", "odom"], 1, "simulated time");
+    let speed = ["param", "set", "controller", "wall_following.speed_m_s", "0.1"];
+    refused(&robot, &speed, 1, "in lock-step nothing is changed");
+    let seen = run.wait();
+    assert_eq!(seen.digest(), unseen.digest(), "SEED=1\n{}", seen.story());
+}
+
+#[test]
+fn what_completes_words_and_the_manual_need_no_robot() {
+    let robot = Robot::new();
+
+    for (shell, mark) in
+        [("bash", "complete -F"), ("zsh", "#compdef teseo"), ("fish", "complete -c")]
+    {
+        said(&robot, &["completions", shell]).assert_says(&[mark, "lifecycle"]);
+    }
+    said(&robot, &["man", "topic", "echo"]).assert_says(&[".TH teseo-topic-echo", "Examples"]);
+    refused(&robot, &["man", "tpoic"], 1, "there is no verb `tpoic`; did you mean `topic`?");
 }

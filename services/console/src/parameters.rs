@@ -11,12 +11,15 @@ use node::{Settings, Tunable, clock};
 use serde_json::{Value, json};
 
 use crate::robot::{Node, Robot};
-use crate::table::{number, table};
+use crate::table::{cut, number, table};
 use crate::{Which, refused};
 
 /// What knows the parameters of a service and which of them may be changed while it runs; `None` where
 /// there is no such service.
 pub type Know = fn(&Settings) -> Option<(node::Result<Vec<Listed>>, &'static [Tunable])>;
+
+/// [character] Of a text in a table; `param get` prints all of it.
+const VALUE_WIDTH: usize = 16;
 
 /// A verb about parameters.
 #[derive(Debug, Args)]
@@ -28,7 +31,8 @@ pub struct Parameters {
 /// What there is to be asked.
 #[derive(Debug, Subcommand)]
 enum Verb {
-    /// List a node's parameters: value, unit, what they may be changed to, default, and who says so
+    /// List a node's parameters: value, what it may be changed to, default where that is
+    /// another, and who says so
     #[command(after_help = "Example:\n  teseo param list controller")]
     List {
         #[command(flatten)]
@@ -76,10 +80,7 @@ impl Parameters {
                     say(&json!(all).to_string())?;
                 } else {
                     let rows: Vec<_> = all.iter().map(Parameter::cells).collect();
-                    say(&table(
-                        &["PARAMETER", "VALUE", "UNIT", "MAY BE", "DEFAULT", "FROM"],
-                        &rows,
-                    ))?;
+                    say(&table(&["PARAMETER", "VALUE", "MAY BE", "DEFAULT", "FROM"], &rows))?;
                 }
                 mention_newer_files(&robot, node, &all);
             }
@@ -208,15 +209,24 @@ impl Parameter {
         let range = self.tunable.map(|tunable| &tunable.range);
         vec![
             self.key.clone(),
-            shown(&self.value),
-            unit(&self.key).to_owned(),
+            self.measured(),
             range.map_or_else(
                 || "-".to_owned(),
                 |range| format!("{}..{}", number(*range.start()), number(*range.end())),
             ),
-            shown(&self.default),
+            if self.default == self.value { "-".to_owned() } else { shown(&self.default) },
             self.source(),
         ]
+    }
+
+    /// The value with its unit.
+    fn measured(&self) -> String {
+        match unit(&self.key) {
+            unit if unit != "-" && self.value.is_number() => {
+                format!("{} {unit}", shown(&self.value))
+            }
+            _ => cut(&shown(&self.value), VALUE_WIDTH),
+        }
     }
 
     fn source(&self) -> String {

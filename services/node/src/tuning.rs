@@ -74,7 +74,10 @@ fn tuned<T: Listable>(
     let (key, value) = (request.key.as_str(), request.value);
     let Some(tunable) = tunables.iter().find(|tunable| tunable.key == key) else {
         let keys: Vec<_> = tunables.iter().map(|tunable| tunable.key).collect();
-        return Err(format!("cannot be changed while the node runs; {}", suggestion(key, &keys)));
+        let near = suggestion(key, &keys);
+        // A list of all of them is too long for a message.
+        let help = if near.starts_with("did") { &near } else { "`teseo param list` says what can" };
+        return Err(format!("cannot be changed while the node runs; {help}"));
     };
     if !tunable.range.contains(&value) {
         let (min, max) = (tunable.range.start(), tunable.range.end());

@@ -175,6 +175,6 @@ fn sentence(change: &ParameterChange) -> String {
     if change.accepted == 1 {
         format!("{key} {former} -> {value}")
     } else {
-        format!("refused {key} = {value}: {}", change.reason)
+        format!("refused {key} = {value}, which {}", change.reason)
     }
 }
