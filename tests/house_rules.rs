@@ -22,12 +22,14 @@ const CLOCKS: [&str; 5] =
     ["Instant::now", "SystemTime::now", "thread::sleep", "clock_gettime", "nanosleep"];
 
 /// Files that write down what people's clocks say, for people.
-const WRITERS: [&str; 5] = [
+const WRITERS: [&str; 7] = [
+    "services/console/src/parameters.rs",
     "services/node/src/clock.rs",
     "services/supervisor/src/history.rs",
     "services/supervisor/src/last_words.rs",
     "services/supervisor/src/log_book.rs",
     "services/supervisor/src/supervise.rs",
+    "services/supervisor/src/tuning.rs",
 ];
 
 /// Structs in messages that are made of fields with units of their own.
