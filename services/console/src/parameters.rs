@@ -119,11 +119,10 @@ fn all(robot: &Robot, node: &Node, know: Know) -> Result<Vec<Parameter>, Failure
         .map_err(|error| refused(&error))?
         .within(&node.name);
     let Some((listed, tunables)) = know(&settings) else {
-        let name = &node.name;
+        let (name, file) = (&node.name, robot.config());
         return Err(Failure::Refused(format!(
-            "{name} is none of our services: its own program knows its parameters, which stand in \
-             {}",
-            robot.config().display()
+            "{name} has no table of parameters of its own; what it is told stands in {}",
+            file.display()
         )));
     };
     let changed = &node.json["changed"];

@@ -69,12 +69,7 @@ fn sentence(former: Option<&MotionState>, state: &MotionState) -> Option<String>
 }
 
 fn describe(state: &MotionState) -> Value {
-    let permission = match Permission::try_from(state.permission) {
-        Ok(Permission::Armed) => "armed",
-        Ok(Permission::Braking) => "braking",
-        Ok(Permission::Held) => "held",
-        Err(_) => "unknown",
-    };
+    let permission = Permission::try_from(state.permission).map_or("unknown", Permission::label);
     let cause = StopCause::try_from(state.cause).unwrap_or_default();
     let rejected = Rejection::ALL.map(|reason| (reason.key(), state.rejected[reason as usize]));
     json!({

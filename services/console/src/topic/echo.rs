@@ -113,8 +113,7 @@ impl Printer<'_> {
         say(&line)
     }
 
-    /// A row of the table, after its titles where it is the first. A list that is shorter or longer
-    /// than it was there does not move what follows... it ends the row.
+    /// A row of the table, after its titles where it is the first.
     fn row(&mut self, fields: &[Field]) -> String {
         let cells = cells(fields);
         let join = |part: fn(&(String, String)) -> &str| {
