@@ -6,7 +6,9 @@ mod alone;
 mod check;
 mod emulate;
 mod help;
+mod map;
 mod page;
+mod show;
 mod verb;
 
 use std::process::ExitCode;

@@ -7,7 +7,7 @@ use node::control::Failure;
 use node::{Arguments, Namespace};
 use supervisor::Goal;
 
-use crate::{alone, check, emulate, help, page};
+use crate::{alone, check, emulate, help, map, page, show};
 
 /// What is to be done.
 #[derive(Subcommand)]
@@ -53,6 +53,9 @@ pub(crate) enum Verb {
     /// Drive a robot from the keyboard, over its autonomy
     #[command(after_help = "Example:\n  teseo teleop --linear-max 0.1")]
     Teleop(teleop::Options),
+    /// Watch a running robot: map, nodes, topics, events
+    #[command(after_help = "Example:\n  teseo view")]
+    View(view::Options),
     /// Print what makes a shell complete these words
     Completions(help::Completions),
     /// Print a page of the manual
@@ -63,6 +66,7 @@ impl Verb {
     /// Does it, and says with the exit code how it went.
     pub(crate) fn run(self) -> ExitCode {
         match self {
+            Self::Robot(supervisor::Verb::Up(options)) if options.view => show::up(&options),
             Self::Robot(verb) => verb.run(check::check, page::write),
             Self::Report(options) => node::exit_code("teseo report", page::make(&options)),
             Self::Console(verb) => verb.run(steer, check::parameters),
@@ -82,6 +86,10 @@ impl Verb {
             Self::Turtlebot3(arguments) => node::start(&arguments, "turtlebot3", turtlebot3::run),
             Self::Teleop(options) => match supervisor::find(options.robot()) {
                 Ok(robot) => node::exit_code("teseo teleop", teleop::run(&robot, &options)),
+                Err(code) => code,
+            },
+            Self::View(options) => match supervisor::find(options.robot()) {
+                Ok(robot) => node::exit_code("teseo view", view::run(&robot, &options, map::map)),
                 Err(code) => code,
             },
         }

@@ -69,6 +69,8 @@ mod topics;
 #[cfg(test)]
 mod units;
 #[cfg(test)]
+mod view;
+#[cfg(test)]
 mod waiting;
 #[cfg(test)]
 mod witness;

@@ -9,7 +9,7 @@ use crate::{Header, Text, UnknownNumber};
 pub const PORTS_MAX: usize = 16;
 
 /// [-] Figures that fit in a [`NodeStatus`].
-pub const VALUES_MAX: usize = 32;
+pub const VALUES_MAX: usize = 48;
 
 /// The counters of one port.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Pod, Zeroable, ZeroCopySend)]
@@ -84,7 +84,7 @@ impl TryFrom<u8> for Outcome {
 
 /// What a node says about itself: at every transition, and while active at the topic's rate.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable, ZeroCopySend)]
-#[type_name("NodeStatus/2")]
+#[type_name("NodeStatus/3")]
 #[repr(C)]
 pub struct NodeStatus {
     /// Stamp of the report, sequence, epoch.

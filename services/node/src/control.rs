@@ -150,9 +150,7 @@ pub fn guardian(namespace: &Namespace) -> Option<u32> {
 
 /// The robot as it stands, where anybody can tell at this moment.
 pub fn look(namespace: &Namespace) -> Option<Value> {
-    let stream = UnixStream::connect(socket(namespace)).ok()?;
-    let mut connection = Connection::of(namespace, stream, &Request::Status).ok()?;
-    connection.answer().ok()
+    Connection::attempt(namespace, &Request::Status)?.answer().ok()
 }
 
 /// What is heard from a supervisor.
@@ -202,6 +200,12 @@ impl Connection {
         }
     }
 
+    /// Asks, where somebody listens at this moment; waits for nobody.
+    pub fn attempt(namespace: &Namespace, request: &Request) -> Option<Self> {
+        let stream = UnixStream::connect(socket(namespace)).ok()?;
+        Self::of(namespace, stream, request).ok()
+    }
+
     fn of(
         namespace: &Namespace,
         mut stream: UnixStream,
@@ -240,7 +244,7 @@ impl Connection {
         }
     }
 
-    /// Waits for the next line; where `until` says nothing, for ever.
+    /// Waits for the next line; where `until` says nothing, for ever, and where it is over, not at all.
     pub fn hear(&mut self, until: Option<Stamp>) -> Result<Heard, Failure> {
         loop {
             if let Some(end) = self.come.iter().position(|&byte| byte == b'\n') {
@@ -248,16 +252,16 @@ impl Connection {
                 return Ok(Heard::Line(String::from_utf8_lossy(&line[..end]).into_owned()));
             }
             check_stop()?;
-            let now = clock::now();
-            if until.is_some_and(|until| until <= now) {
-                return Ok(Heard::Nothing);
-            }
             let mut bytes = [0; 16 * 1024];
             match self.stream.read(&mut bytes) {
                 Ok(0) => return Ok(Heard::End),
                 Ok(count) => self.come.extend_from_slice(&bytes[..count]),
                 Err(cause) if cause.kind() == ErrorKind::Interrupted => {}
                 Err(cause) if cause.kind() == ErrorKind::WouldBlock => {
+                    let now = clock::now();
+                    if until.is_some_and(|until| until <= now) {
+                        return Ok(Heard::Nothing);
+                    }
                     wait(Some(&self.stream), until.map(|until| until.since(now)));
                 }
                 // It was ended while it still had something to read.

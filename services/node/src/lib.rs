@@ -35,6 +35,7 @@ mod error;
 mod estop;
 pub mod faults;
 mod figures;
+pub mod hand;
 pub mod launch;
 pub mod log;
 mod managed;

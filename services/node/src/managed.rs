@@ -220,6 +220,11 @@ impl<'a> Node<'a> {
         self.figures.latency(name)
     }
 
+    /// The same, and how many there were in each of a few steps: `NAME_up_to_100_us` and so on.
+    pub fn latency_by_steps(&mut self, name: &str) -> Latency {
+        self.figures.latency_by_steps(name)
+    }
+
     /// The one diary of this node, with a value for each of `keys`, for the report of a run. A key ends
     /// with its unit; one of a state, which is a number, lists its names: `activity:rests/drives`.
     pub fn diary(&mut self, keys: &[&str]) -> Diary {

@@ -224,7 +224,7 @@ impl Robot {
             wheels: Wheels::new(node, &config.deadman)?,
             estimates: node.subscribe_quietly(&POSE)?,
             was_localized: false,
-            age: node.latency("scan_to_command"),
+            age: node.latency_by_steps("scan_to_command"),
             gauges,
             motion: Motion::ZERO,
             diary: node.diary(&NOTED),

@@ -11,7 +11,7 @@ use rustix::process::{Pid, PidfdFlags, Signal};
 
 use crate::check::check_all;
 use crate::lock::Lock;
-use crate::{Check, Options, detach, last_words, preflight, shim, sweep};
+use crate::{Check, Options, detach, last_words, preflight, shim, shown, sweep};
 
 /// Somebody may ask for the end in the very moment before this process waits.
 const POLL: Duration = Duration::from_millis(250);
@@ -20,6 +20,7 @@ const POLL: Duration = Duration::from_millis(250);
 pub(crate) fn up(options: &Options, check: Check) -> Result<u8> {
     detach::leave_terminal();
     signal::listen();
+    shown::go_down_with_screen();
     let settings = check_all(&options.config, &options.sets(), check)?;
     let namespace = settings.namespace()?;
     let lock = Lock::take(&namespace)?;
@@ -95,7 +96,7 @@ fn watch(mut supervisor: Child) -> Result<ExitStatus> {
             (passed_on..requests).for_each(|_| send(pid, signal));
             passed_on = requests;
         }
-        if detach::is_alone() {
+        if detach::is_alone() || shown::is_shown() {
             last_words::trim();
         }
         wait(&pidfd);

@@ -7,7 +7,7 @@ use std::process::{Child, Stdio};
 use node::launch::Process;
 use node::{Namespace, Settings};
 
-use crate::{Options, guardian, shim, sweep};
+use crate::{Options, guardian, shim, shown, sweep};
 
 /// What all processes of the robot are started with.
 #[derive(Debug)]
@@ -75,7 +75,8 @@ impl Launcher {
             .env_remove("WATCHDOG_PID")
             .env_remove("WATCHDOG_USEC")
             .env_remove(node::PARENT)
-            .env_remove(guardian::ROLE);
+            .env_remove(guardian::ROLE)
+            .env_remove(shown::SHOWN);
         if let Some(limit) = process.watchdog() {
             command.env("WATCHDOG_USEC", limit.as_micros().to_string());
         }

@@ -32,6 +32,7 @@ mod preflight;
 mod report;
 mod screen;
 mod shim;
+mod shown;
 mod status;
 mod supervise;
 mod sweep;
@@ -46,6 +47,7 @@ use std::process::ExitCode;
 
 pub use options::Options;
 pub use pairing::run as pairing;
+pub use shown::Shown;
 pub use verb::Verb;
 pub use verbs::{Goal, find, steer};
 

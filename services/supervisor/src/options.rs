@@ -1,5 +1,6 @@
 //! The options of `teseo up`, most of which are shorthands for settings of the launch file.
 
+use std::ffi::OsString;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -58,6 +59,10 @@ pub struct Options {
     #[arg(short, long)]
     pub detach: bool,
 
+    /// Show the robot on this terminal while it runs, and take it down when the screen is left
+    #[arg(long, conflicts_with = "detach")]
+    pub view: bool,
+
     /// Also write what nodes print to files in this directory, one for each node
     #[arg(long, value_name = "DIR")]
     pub log_dir: Option<PathBuf>,
@@ -68,6 +73,20 @@ pub struct Options {
 }
 
 impl Options {
+    /// The command line of `teseo` that brings the same robot up without a screen.
+    pub(crate) fn words(&self) -> Vec<OsString> {
+        let mut words: Vec<OsString> = vec!["up".into(), self.config.clone().into()];
+        words.extend(self.sets().into_iter().map(|set| format!("--set={set}").into()));
+        words.push(format!("--log-format={}", self.log.format.label()).into());
+        words.push(format!("--log-level={}", self.log.level).into());
+        let files =
+            [("--report", &self.report), ("--trace", &self.trace), ("--log-dir", &self.log_dir)];
+        for (option, path) in files {
+            words.extend(path.iter().flat_map(|path| [option.into(), path.clone().into()]));
+        }
+        words
+    }
+
     /// Where the report goes as JSON.
     pub(crate) fn report_file(&self) -> Option<PathBuf> {
         let report = self.report.as_ref()?;

@@ -95,16 +95,27 @@ const UNTOLD: [&str; 8] = [
     "estimate_error_rad",
 ];
 
-/// Where the robot drove, as far as a process has such parameters.
+/// What quantiles say shorter.
+const STEPS: &str = "scan_to_command_";
+
+/// Where the robot drives, as far as a process has such parameters.
 #[derive(Debug, Default, Deserialize)]
-struct Place {
+pub(crate) struct Place {
     #[serde(default)]
-    world: Option<FileName>,
+    pub(crate) world: Option<FileName>,
     #[serde(default)]
-    start: Option<String>,
+    pub(crate) start: Option<String>,
 }
 
 impl Parameters for Place {}
+
+impl Place {
+    pub(crate) fn of(settings: &Settings) -> Self {
+        let processes = settings.launch().process.iter();
+        let mut places = processes.filter_map(|process| settings.view(&process.name));
+        places.find(|place: &Self| place.world.is_some()).unwrap_or_default()
+    }
+}
 
 /// As the launch file says it.
 pub(crate) const fn clock_label(clock: Clock) -> &'static str {
@@ -139,9 +150,7 @@ impl Report {
         let launch = settings.launch();
         let clock = clock_label(launch.clock);
         let config = options.config.display().to_string();
-        let places = launch.process.iter().filter_map(|process| settings.view(&process.name));
-        let place =
-            places.into_iter().find(|place: &Place| place.world.is_some()).unwrap_or_default();
+        let place = Place::of(settings);
         let run = vec![
             ("config", json!(config)),
             ("world", json!(place.world.map(|world| world.path().display().to_string()))),
@@ -308,8 +317,10 @@ impl Report {
 
     /// The figures of nodes that the lines above say nothing of.
     fn write_others(&self, text: &mut String) {
-        let told =
-            |key: &str| LINES.iter().any(|(_, keys)| keys.contains(&key)) || UNTOLD.contains(&key);
+        let told = |key: &str| {
+            let is_in_a_line = LINES.iter().any(|(_, keys)| keys.contains(&key));
+            is_in_a_line || UNTOLD.contains(&key) || key.starts_with(STEPS)
+        };
         for (name, all) in self.nodes.iter().filter(|(name, _)| name != PAIRING) {
             let unmet = |key: &str, figure: f64| {
                 figure <= 0.0 && REASONS.iter().any(|reason| key.starts_with(reason))

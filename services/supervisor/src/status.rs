@@ -1,5 +1,6 @@
 //! The robot as it stands, for whoever asks.
 
+use std::path::Path;
 use std::time::Duration;
 
 use interfaces::{PortStatus, Stamp};
@@ -27,6 +28,8 @@ pub(crate) fn status(supervisor: &Supervisor<'_>) -> Value {
         "config": supervisor.options.config.display().to_string(),
         "directory": std::env::current_dir().ok().map(|path| path.display().to_string()),
         "sets": supervisor.options.sets(),
+        "world": supervisor.place.world.as_ref().map(|world| absolute(world.path())),
+        "start": supervisor.place.start,
         "clock": clock_label(launch.clock),
         "seed": launch.seed,
         "guardian": supervisor.guardian,
@@ -49,6 +52,11 @@ pub(crate) fn status(supervisor: &Supervisor<'_>) -> Value {
         "motion": supervisor.motion.status(),
         "nodes": nodes,
     })
+}
+
+/// For one who stands in another directory.
+fn absolute(path: &Path) -> String {
+    std::path::absolute(path).unwrap_or_else(|_| path.to_owned()).display().to_string()
 }
 
 fn state(supervisor: &Supervisor<'_>) -> &'static str {

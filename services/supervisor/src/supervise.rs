@@ -21,7 +21,7 @@ use crate::machine::{Action, Ask, Doing, Ending, Event, Machine, News, Told};
 use crate::member::Member;
 use crate::motion::Motion;
 use crate::notify::{Datagram, NotifySocket, Word};
-use crate::report::{self, Report};
+use crate::report::{self, Place, Report};
 use crate::screen::Screen;
 use crate::tuning::Tuning;
 use crate::verdict::Verdict;
@@ -98,6 +98,7 @@ pub(crate) struct Supervisor<'a> {
     /// Whether nothing but a message on the notify socket has woken it.
     is_only_notified: bool,
     pub(crate) ready_after: Option<Duration>,
+    pub(crate) place: Place,
     launcher: Launcher,
     /// What has happened, and the machine has not been told yet.
     events: VecDeque<Event>,
@@ -147,6 +148,7 @@ impl<'a> Supervisor<'a> {
             look_due: now,
             is_only_notified: false,
             ready_after: None,
+            place: Place::of(settings),
             launcher,
             events: VecDeque::new(),
             postponed: Vec::new(),

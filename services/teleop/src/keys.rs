@@ -1,23 +1,6 @@
 //! Which key was pressed, from the bytes that a terminal sends for it.
 
-/// What a key asks for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Key {
-    /// Faster forwards, or slower backwards.
-    Faster,
-    /// Slower forwards, or faster backwards.
-    Slower,
-    /// Turn further to the left.
-    Left,
-    /// Turn further to the right.
-    Right,
-    /// Stand still.
-    Stop,
-    /// No more driving.
-    Quit,
-    /// Nothing.
-    Other,
-}
+use node::hand::Key;
 
 /// Reads keys of several bytes, which may come in pieces.
 #[derive(Debug, Clone, Copy, Default)]

@@ -5,7 +5,7 @@ use std::time::Duration;
 use clap::Args;
 use node::deadman::Motion;
 
-use crate::PATIENCE;
+use node::hand::PATIENCE;
 
 /// What `teseo teleop` can be told.
 #[derive(Debug, Clone, Args)]

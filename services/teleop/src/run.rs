@@ -5,11 +5,12 @@ use std::time::Duration;
 use interfaces::topics::{MOTION_STATE, TELEOP_COMMAND};
 use interfaces::{MotionState, Stamp, VelocityCommand};
 use node::deadman::Motion;
+use node::hand::{Hand, Key};
 use node::{Error, Namespace, Publisher, Result, Session, Subscriber, clock, signal};
 
 use crate::line::{line, may_move};
 use crate::terminal::{Come, Keyboard, Screen};
-use crate::{Hand, Key, Keys, Options};
+use crate::{Keys, Options};
 
 /// Between two commands while a person drives: three may be late before the wheels stop.
 const PERIOD: Duration = Duration::from_millis(50);

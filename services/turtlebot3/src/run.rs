@@ -106,7 +106,7 @@ impl Bridge {
             lidar,
             heard: None,
             wish: Wish::default(),
-            age: node.latency("scan_to_command"),
+            age: node.latency_by_steps("scan_to_command"),
             way: node.latency("command_to_bytes"),
             limited: node.gauge("commands_limited"),
         })
