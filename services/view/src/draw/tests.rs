@@ -73,7 +73,7 @@ fn assert_shows(screen: &str, texts: &[&str]) {
 
 /// What stands on every screen that is large enough.
 const ALWAYS: [&str; 11] = [
-    " teseo  burger · ready · real time · up 1 min 1 s · armed · 0.20 m/s 0.00 rad/s",
+    " teseo  burger · ready · real time · up 1:01 min · armed · 0.20 m/s 0.00 rad/s",
     "map  x 0.00 y 0.00 m 0 deg",
     "controller",
     "inactive",
@@ -102,7 +102,7 @@ fn a_large_screen_has_more_of_it() {
     assert_shows(&screen, &ALWAYS);
     assert_shows(
         &screen,
-        &["pid", "from > to", "max 2.50", "6events", "controller failed: was killed"],
+        &["pid", "readers", "max 2.50", "6events", "controller failed: was killed"],
     );
 }
 

@@ -41,11 +41,11 @@ pub(super) fn draw(frame: &mut Frame<'_>, area: Rect, topics: &[TopicRow], look:
     frame.render_widget(table, area);
 }
 
-/// The same with who sends and who reads.
+/// The same with who reads it, and what came of its samples.
 pub(super) fn draw_in_full(frame: &mut Frame<'_>, area: Rect, topics: &[TopicRow], look: Look) {
-    let head = ["topic", "Hz", "age ms", "jit ms", "sent", "lost", "unread", "stale", "from > to"];
+    let head = ["topic", "Hz", "age ms", "jit ms", "sent", "lost", "unread", "stale", "readers"];
     let rows = topics.iter().map(|topic| {
-        let way = format!("{} > {}", topic.publisher, topic.readers.join(" "));
+        let readers = topic.readers.join(" ");
         Row::new([
             Text::from(topic.name.clone()),
             right(rate(topic, look)),
@@ -55,14 +55,14 @@ pub(super) fn draw_in_full(frame: &mut Frame<'_>, area: Rect, topics: &[TopicRow
             right(topic.lost.to_string()).style(of_loss(topic.lost, look)),
             right(topic.unread.to_string()),
             right(topic.stale.to_string()),
-            Text::from(way),
+            Text::from(readers),
         ])
     });
     let widths = [
         Constraint::Length(16),
-        Constraint::Length(7),
-        Constraint::Length(7),
-        Constraint::Length(7),
+        Constraint::Length(6),
+        Constraint::Length(6),
+        Constraint::Length(6),
         Constraint::Length(8),
         Constraint::Length(5),
         Constraint::Length(6),
