@@ -9,16 +9,22 @@ use ratatui::widgets::Paragraph;
 use super::Look;
 use crate::state::{Event, State};
 
-/// [character] From here on there is room for the date's milliseconds.
+/// [character] From here on there is room for the time's milliseconds, and for what is routine.
 const WIDE: u16 = 70;
+
+/// Kinds of events that every start of a node has. A node is back within a tenth of a second: where
+/// there is room for a few lines only, these would hide why it had to come back.
+const ROUTINE: [&str; 3] = ["spawned", "changed", "flowing"];
 
 pub(super) fn draw(frame: &mut Frame<'_>, area: Rect, state: &State, look: Look) {
     let block = look.block("events");
     let inner = block.inner(area);
     frame.render_widget(block, area);
     let room = usize::from(inner.height);
-    let newest = state.events.iter().skip(state.events.len().saturating_sub(room));
-    let lines: Vec<_> = newest.map(|event| line(event, inner.width, look)).collect();
+    let is_told = |event: &&Event| WIDE <= inner.width || !ROUTINE.contains(&event.kind.as_str());
+    let mut lines: Vec<_> = state.events.iter().rev().filter(is_told).take(room).collect();
+    lines.reverse();
+    let lines: Vec<_> = lines.into_iter().map(|event| line(event, inner.width, look)).collect();
     frame.render_widget(Paragraph::new(lines), inner);
 }
 
