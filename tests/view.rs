@@ -153,7 +153,8 @@ fn a_run_that_ends_under_the_screen_is_told_and_its_exit_code_is_kept() {
     let terminal = Terminal::new(80, 24);
     let words = ["up", &launch_file, "--for", "2", "--until", "round-trip", "--view"];
     let view = terminal.start(&robot, &words, &[]);
-    terminal.await_screen("that it is gone", |screen| screen.contains(" gone"));
+    terminal
+        .await_screen("that it is gone", |screen| screen.contains("the robot is down; q leaves"));
     terminal.press("q");
 
     view.wait().assert_code(1);

@@ -141,7 +141,9 @@ fn motion(state: &State, look: Look) -> Vec<Span<'static>> {
 }
 
 fn footer(frame: &mut Frame<'_>, area: Rect, state: &State, desk: &Desk, look: Look) {
-    let keys = if desk.note.is_empty() {
+    let keys = if desk.note.is_empty() && state.supervisor.state == "gone" {
+        " the robot is down; q leaves, and a new run of it is shown here".to_owned()
+    } else if desk.note.is_empty() {
         let stop = if state.motion.emergency_stop { "c clear stop" } else { "e stop" };
         format!(" q quit  p pause  tab panel  n node  r restart  a arm  {stop}")
     } else {
