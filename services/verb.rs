@@ -19,6 +19,7 @@ pub(crate) enum Verb {
     /// Measure the runtime on this machine
     Bench(bench::Options),
     /// Make the page of a run
+    #[command(after_help = "Example:\n  teseo report trip")]
     Report(report::Options),
     /// Play a robot, for a bridge to talk to
     #[command(after_help = "Example:\n  teseo emulate turtlebot3")]
