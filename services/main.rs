@@ -25,7 +25,8 @@ const EXAMPLES: &str = "Examples:
 
 /// A zero-copy shared-memory robotics runtime for one machine.
 ///
-/// Without a verb: `up config/simulation.toml --until round-trip`.
+/// Without a verb: `up config/simulation.toml --until round-trip`; on a terminal in real time, with
+/// the live screen.
 #[derive(Parser)]
 #[command(name = "teseo", version, after_help = EXAMPLES)]
 struct Command {
@@ -34,7 +35,15 @@ struct Command {
 }
 
 fn main() -> ExitCode {
-    let main_job = ["teseo", "up", "config/simulation.toml", "--until", "round-trip"];
-    let verb = Command::parse().verb.or_else(|| Command::parse_from(main_job).verb);
+    let verb = Command::parse().verb.or_else(|| Command::parse_from(main_job()).verb);
     verb.unwrap_or_else(|| unreachable!("the main job is a verb")).run()
+}
+
+/// What somebody wants who says nothing: to see it.
+fn main_job() -> Vec<&'static str> {
+    let mut words = vec!["teseo", "up", "config/simulation.toml", "--until", "round-trip"];
+    if view::check_terminal().is_ok() {
+        words.extend(["--clock", "realtime", "--view"]);
+    }
+    words
 }

@@ -3,6 +3,7 @@
 use std::process::ExitCode;
 
 use supervisor::Shown;
+use view::Stay;
 
 use crate::map;
 
@@ -19,7 +20,7 @@ fn run(options: &supervisor::Options) -> node::Result<u8> {
     node::signal::listen();
     let mut shown = Shown::start(options)?;
     let seen = match shown.namespace() {
-        Some(robot) => view::run(robot, &view::Options::default(), map::map),
+        Some(robot) => view::run(robot, &view::Options::default(), Stay::UntilTheEnd, map::map),
         None => Ok(()),
     };
     let code = shown.end()?;

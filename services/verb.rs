@@ -90,7 +90,10 @@ impl Verb {
                 Err(code) => code,
             },
             Self::View(options) => match supervisor::find(options.robot()) {
-                Ok(robot) => node::exit_code("teseo view", view::run(&robot, &options, map::map)),
+                Ok(robot) => {
+                    let seen = view::run(&robot, &options, view::Stay::UntilLeft, map::map);
+                    node::exit_code("teseo view", seen)
+                }
                 Err(code) => code,
             },
         }

@@ -155,10 +155,22 @@ fn a_run_that_ends_under_the_screen_is_told_and_its_exit_code_is_kept() {
     let view = terminal.start(&robot, &words, &[]);
     terminal
         .await_screen("that it is gone", |screen| screen.contains("the robot is down; q leaves"));
-    terminal.press("q");
 
+    // The screen is left by itself.
     view.wait().assert_code(1);
     terminal.await_shown("2 s are over, no round trip");
+    robot.assert_nothing_left();
+}
+
+#[test]
+fn whoever_says_nothing_on_a_terminal_sees_the_robot_drive() {
+    let robot = Robot::new();
+    let terminal = Terminal::new(80, 24);
+    let view = terminal.start(&robot, &[], &[]);
+    terminal.await_screen("driving", |screen| screen.contains("0.15 m/s"));
+    terminal.press("q");
+    view.wait().assert_code(0);
+    terminal.await_shown("asked to stop");
     robot.assert_nothing_left();
 }
 

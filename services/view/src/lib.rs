@@ -22,7 +22,7 @@ mod terminal;
 pub use draw::{Look, draw};
 pub use keys::{Action, Desk};
 pub use map::{FindMap, Map, Pose};
-pub use options::Options;
+pub use options::{Options, Stay};
 pub use run::run;
 pub use state::State;
 pub use terminal::check_terminal;

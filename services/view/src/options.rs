@@ -4,6 +4,15 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+/// How long the live screen stays.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stay {
+    /// Until the person leaves it.
+    UntilLeft,
+    /// Until the robot is down.
+    UntilTheEnd,
+}
+
 /// Which robot, and how it is shown.
 ///
 /// Keys: q quit, p or space pause, tab or 1 to 6 another panel, n another node, r restart it,

@@ -12,7 +12,7 @@ use ratatui::crossterm::event::{self, Event, KeyEventKind};
 use crate::draw::{Look, draw};
 use crate::keys::{Action, Desk};
 use crate::map::FindMap;
-use crate::options::Options;
+use crate::options::{Options, Stay};
 use crate::robot::Robot;
 use crate::snapshot::snapshot;
 use crate::state::State;
@@ -22,11 +22,14 @@ use crate::terminal::Screen;
 /// Between two frames.
 const PERIOD: Duration = Duration::from_millis(50);
 
+/// How long the last picture of a robot stays that is down: it came to its end while somebody looked.
+const AFTERGLOW: Duration = Duration::from_secs(2);
+
 /// [-] The least important of all, to the kernel's scheduler.
 const LOWEST: i32 = 19;
 
-/// Shows the robot in `namespace` until the person has seen enough, or once. `find_map` reads worlds.
-pub fn run(namespace: &Namespace, options: &Options, find_map: FindMap) -> Result {
+/// Shows the robot in `namespace` for as long as it shall `stay`, or once. `find_map` reads worlds.
+pub fn run(namespace: &Namespace, options: &Options, stay: Stay, find_map: FindMap) -> Result {
     signal::listen();
     // Whoever looks makes room for whoever drives. One who may not lower itself looks all the same.
     let _ = rustix::process::nice(LOWEST);
@@ -35,18 +38,24 @@ pub fn run(namespace: &Namespace, options: &Options, find_map: FindMap) -> Resul
     if options.once {
         once(&mut robot, &mut state, options)
     } else {
-        live(&mut robot, &mut state, Look::of_environment(options.ascii))
+        live(&mut robot, &mut state, stay, Look::of_environment(options.ascii))
     }
 }
 
-fn live(robot: &mut Robot, state: &mut State, look: Look) -> Result {
+fn live(robot: &mut Robot, state: &mut State, stay: Stay, look: Look) -> Result {
     let mut screen = Screen::open()?;
     let mut desk = Desk::default();
     // What is shown while the screen is paused; the robot goes on, and so does whoever drives it.
     let mut still: Option<State> = None;
+    let mut seen_alive = clock::now();
     while signal::stop_requests() == 0 {
         let due = clock::now().after(PERIOD);
         robot.look(clock::now(), state)?;
+        if state.supervisor.state != "gone" {
+            seen_alive = clock::now();
+        } else if stay == Stay::UntilTheEnd && AFTERGLOW < clock::now().since(seen_alive) {
+            return Ok(());
+        }
         still = desk.is_paused.then(|| still.unwrap_or_else(|| state.clone()));
         screen.draw(|frame| draw(frame, still.as_ref().unwrap_or(state), &desk, look))?;
         loop {

@@ -52,7 +52,8 @@ impl Drop for Screen {
 
 /// Refuses where there is nothing to draw on, or nobody at the keys.
 pub fn check_terminal() -> Result {
-    if std::io::stdin().is_terminal() && std::io::stdout().is_terminal() {
+    let is_dumb = std::env::var_os("TERM").is_some_and(|term| term == "dumb");
+    if std::io::stdin().is_terminal() && std::io::stdout().is_terminal() && !is_dumb {
         return Ok(());
     }
     let why =
