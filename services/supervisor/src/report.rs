@@ -382,10 +382,6 @@ impl Report {
 
 /// Finds out before the run whether its report can be written after it.
 pub(crate) fn check_writable(path: &Path) -> Result {
-    if let Some(directory) = path.parent().filter(|directory| !directory.as_os_str().is_empty()) {
-        std::fs::create_dir_all(directory)
-            .map_err(|cause| Error::File { path: directory.to_owned(), cause })?;
-    }
     let fresh = fresh(path);
     let tried = std::fs::write(&fresh, "").and_then(|()| std::fs::remove_file(&fresh));
     tried.map_err(|cause| Error::File { path: path.to_owned(), cause })
@@ -395,6 +391,7 @@ pub(crate) fn check_writable(path: &Path) -> Result {
 /// file as it is now.
 pub(crate) fn begin_records(records: &Path, launch_file: &Path) -> Result {
     let failed = |path: &Path, cause| Error::File { path: path.to_owned(), cause };
+    std::fs::create_dir_all(records).map_err(|cause| failed(records, cause))?;
     for entry in std::fs::read_dir(records).map_err(|cause| failed(records, cause))?.flatten() {
         let path = entry.path();
         let name = entry.file_name().to_string_lossy().into_owned();

@@ -65,10 +65,10 @@ pub(crate) fn supervise(options: &Options, render: Render) -> Result<u8> {
     node::die_with_parent(Signal::TERM);
     sweep::inherit_orphans();
     let settings = Settings::of_supervisor(&options.config, &options.sets())?;
+    options.records().map_or(Ok(()), |records| report::begin_records(records, &options.config))?;
     for file in [options.report_file(), options.trace.clone()].into_iter().flatten() {
         report::check_writable(&file)?;
     }
-    options.records().map_or(Ok(()), |records| report::begin_records(records, &options.config))?;
     let mut supervisor = Supervisor::new(&settings, options)?;
     let ending = supervisor.run()?;
     supervisor.conclude(&ending, render)
