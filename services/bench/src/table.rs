@@ -34,13 +34,14 @@ pub(crate) fn text(book: &Book) -> String {
         if figures.is_empty() {
             continue;
         }
-        let _ = write!(text, "\n{what}\n{:<52}", "");
+        let width = figures.iter().map(|figure| figure.name.len()).max().unwrap_or_default();
+        let _ = write!(text, "\n{what}\n  {:<width$}", "");
         for column in ["p50", "p90", "p99", "p99.9", "max", "count"] {
             let _ = write!(text, "{column:>9}");
         }
         let _ = writeln!(text, "  {:<18}busy", "p50 of rounds");
         for figure in figures {
-            line(figure, &mut text);
+            line(figure, width, &mut text);
         }
     }
     if !book.absent.is_empty() {
@@ -56,23 +57,25 @@ pub(crate) fn text(book: &Book) -> String {
     text
 }
 
-fn line(figure: &Figure, text: &mut String) {
+fn line(figure: &Figure, width: usize, text: &mut String) {
     let unit = figure.unit;
-    let _ = write!(text, "  {:<50}", figure.name);
-    for value in [Some(figure.p50), figure.p90, figure.p99, figure.p999, Some(figure.max)] {
+    let _ = write!(text, "  {:<width$}", figure.name);
+    // A quantile of fewer values than it needs is but the greatest of them.
+    let of = |quantile: Option<f64>, least: u64| quantile.filter(|_| least <= figure.count);
+    let (p99, p999) = (of(figure.p99, 100), of(figure.p999, 1000));
+    for value in [Some(figure.p50), figure.p90, p99, p999, Some(figure.max)] {
         let _ =
             write!(text, "{:>9}", value.map_or_else(|| "-".to_owned(), |value| unit.text(value)));
     }
     let (least, greatest) = figure.spread();
     let spread = format!("{}..{} {}", unit.text(least), unit.text(greatest), unit.label());
-    let _ = write!(text, "{:>9}  {spread:<18}", figure.count);
+    let _ = write!(text, "{:>9}  ", figure.count);
     let contaminated = figure.contaminated();
-    let mark = if contaminated == 0 {
-        String::new()
+    let _ = if contaminated == 0 {
+        writeln!(text, "{spread}")
     } else {
-        format!("{contaminated}/{}", figure.rounds.len())
+        writeln!(text, "{spread:<18}{contaminated}/{}", figure.rounds.len())
     };
-    let _ = writeln!(text, "{mark}");
 }
 
 /// For a spreadsheet: a line for each round of each figure.

@@ -1,5 +1,6 @@
 //! The process: the firmware's loop, the LiDAR's packets and the world's steps, by the clock.
 
+use std::fs::File;
 use std::io::Write;
 use std::os::fd::{AsFd, BorrowedFd};
 use std::path::PathBuf;
@@ -8,6 +9,7 @@ use std::time::Duration;
 use interfaces::Stamp;
 use node::{Error, Result, clock, signal};
 use rustix::event::{PollFd, PollFlags, Timespec};
+use rustix::fs::FlockOperation;
 
 use crate::console::{HELP, Order, Place};
 use crate::firmware::{Body, Firmware};
@@ -82,6 +84,8 @@ struct Robot {
     orders: Option<Vec<u8>>,
     /// The ports' directory, where it is of its own making.
     directory: Option<PathBuf>,
+    /// Locked, so that no other takes the ports away.
+    _claim: File,
 }
 
 impl Robot {
@@ -90,6 +94,13 @@ impl Robot {
         let failed = |cause| Error::File { path: directory.clone(), cause };
         let was_there = directory.is_dir();
         std::fs::create_dir_all(&directory).map_err(failed)?;
+        let claim = File::open(&directory).map_err(failed)?;
+        if rustix::fs::flock(&claim, FlockOperation::NonBlockingLockExclusive).is_err() {
+            let place = directory.display();
+            let why =
+                format!("another emulated robot is at {place}: choose another place, --ports");
+            return Err(Error::Fault(why));
+        }
         let (board, lidar) = (directory.join("board"), directory.join("lidar"));
         Ok(Self {
             name: format!("board {}, lidar {}", board.display(), lidar.display()),
@@ -107,6 +118,7 @@ impl Robot {
             is_alive: false,
             orders: Some(Vec::new()),
             directory: (!was_there).then_some(directory),
+            _claim: claim,
         })
     }
 

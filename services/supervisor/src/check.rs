@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Args;
-use node::config::Report;
+use node::config::{Report, suggestion};
 use node::launch::Launch;
 use node::{Error, Result, Settings};
 
@@ -57,13 +57,17 @@ pub(crate) fn check_all(file: &Path, sets: &[String], check: Check) -> Result<Se
     if errors.is_empty() { Ok(settings) } else { Err(Error::Config(errors)) }
 }
 
+/// What a process without `exec` can be.
+const SERVICES: [&str; 5] = ["simulator", "odometry", "controller", "multiplexer", "turtlebot3"];
+
 /// Refuses what this machine cannot run.
 fn check_programs(launch: &Launch, strangers: &[String], report: &mut Report<'_>) {
     for (index, process) in launch.process.iter().enumerate() {
         let key = format!("process[{index}]");
         if strangers.contains(&process.name) && !report.is_mended(format!("{key}.exec")) {
             let message = format!("there is no service `{}`", process.name);
-            let help = "name one of ours, or say with `exec` what to run";
+            let help =
+                format!("{}; or say with `exec` what to run", suggestion(&process.name, &SERVICES));
             report.refuse(format!("{key}.name"), message, help);
         }
         if let Some(program) = process.exec.first()

@@ -86,13 +86,13 @@ impl Flow {
         for port in status.ports().iter().filter(is_published) {
             let name = port.topic.as_str();
             match self.topics.iter_mut().find(|topic| topic.name == name) {
-                Some(topic) => topic.count(port.samples, now),
+                Some(topic) => topic.count(port.samples, status.header.stamp, now),
                 None => self.topics.push(TopicFlow {
                     name: name.to_owned(),
                     on_event: port.on_event == 1,
                     samples: port.samples,
                     moved: now,
-                    counted: (now, port.samples),
+                    counted: (status.header.stamp, port.samples),
                     rate: 0.0,
                 }),
             }
@@ -109,16 +109,18 @@ impl TopicFlow {
         !self.on_event && STALL < now.since(self.moved)
     }
 
-    fn count(&mut self, samples: u64, now: Stamp) {
+    /// `told` is when the node said so: a status is sent in a turn, and a turn comes with a sample, so
+    /// that the rate of a steady topic is exact.
+    fn count(&mut self, samples: u64, told: Stamp, now: Stamp) {
         if self.samples < samples {
             self.samples = samples;
             self.moved = now;
         }
-        let elapsed = now.since(self.counted.0);
+        let elapsed = told.since(self.counted.0);
         if RATE_WINDOW <= elapsed {
             let more = samples.saturating_sub(self.counted.1);
             self.rate = more as f64 / elapsed.as_secs_f64();
-            self.counted = (now, samples);
+            self.counted = (told, samples);
         }
     }
 }

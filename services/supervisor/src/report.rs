@@ -50,16 +50,21 @@ impl Topic {
         self.publisher.is_empty()
     }
 
+    /// Who received least: one reader's figures add up, those of several do not.
+    fn worst(&self) -> Option<&Reader> {
+        self.readers.iter().min_by_key(|reader| reader.received)
+    }
+
     fn received(&self) -> u64 {
-        self.readers.iter().map(|reader| reader.received).min().unwrap_or_default()
+        self.worst().map_or(0, |reader| reader.received)
     }
 
     fn lost(&self) -> u64 {
-        self.readers.iter().map(|reader| reader.lost).sum()
+        self.worst().map_or(0, |reader| reader.lost)
     }
 
     fn unread(&self) -> u64 {
-        self.readers.iter().map(|reader| reader.unread).sum()
+        self.worst().map_or(0, |reader| reader.unread)
     }
 }
 

@@ -18,8 +18,11 @@ use crate::{Check, Render};
 #[derive(Debug, Subcommand)]
 pub enum Verb {
     /// Bring a robot up, run it, and take it down again
-    #[command(after_help = "Examples:\n  teseo up config/simulation.toml --until round-trip\n  \
-                            teseo up config/lab_robot.toml --detach")]
+    #[command(
+        alias = "launch",
+        after_help = "Examples:\n  teseo up config/simulation.toml --until round-trip\n  \
+                            teseo up config/lab_robot.toml --detach"
+    )]
     Up(Options),
     /// Say everything that is wrong with a launch file, without running it
     Check(CheckOptions),

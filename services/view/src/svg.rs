@@ -94,7 +94,7 @@ fn run(svg: &mut String, cells: &[&Cell], x: f64, y: f64) {
     let baseline = y + 12.5;
     let _ = writeln!(
         svg,
-        "<text x=\"{x}\" y=\"{baseline}\" textLength=\"{length}\" \
+        "<text x=\"{x}\" y=\"{baseline}\" style=\"white-space: pre\" textLength=\"{length}\" \
          lengthAdjust=\"spacingAndGlyphs\" fill=\"{ink}\"{weight}>{text}</text>"
     );
 }

@@ -198,19 +198,15 @@ pub(super) fn running(robots: &Robots) -> Finding {
     };
     let found: Vec<_> = robots.running.iter().map(describe).collect();
     let finding = Finding::note(what, found.join("; "));
-    robots.running.iter().map(Running::down).fold(finding, Finding::mend)
+    // One that lives elsewhere may be somebody else's, and well.
+    let own = robots.running.iter().filter(|running| running.is_own);
+    own.map(Running::down).fold(finding, Finding::mend)
 }
 
 impl Running {
     /// The command that takes it down.
     fn down(&self) -> String {
-        let down = format!("teseo down --robot {}", self.robot);
-        match self.directory.parent() {
-            Some(runtime) if !self.is_own => {
-                format!("TESEO_RUNTIME_DIR={} {down}", runtime.display())
-            }
-            Some(_) | None => down,
-        }
+        format!("teseo down --robot {}", self.robot)
     }
 }
 

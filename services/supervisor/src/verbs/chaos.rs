@@ -79,11 +79,15 @@ pub(super) fn chaos(options: &ChaosOptions) -> Result<u8, Failure> {
     let topics = topics(&robot.status()?, &nodes);
     robot.down()?;
     let faults = schedule::faults(options.seed, options.faults, &topics);
-    say(&format!("seed {}: {} blows; {}", options.seed, blows.len(), faults.join(" ")))?;
+    say(&format!("seed {}: {} blows, and faults of topics:", options.seed, blows.len()))?;
+    for fault in &faults {
+        say(&format!("  {fault}"))?;
+    }
 
     let mut robot = Robot::up(&options.launch, &[sets, faults].concat(), &namespace)?;
     let struck = robot.endure(blows, length)?;
-    let late = robot.await_ready().err();
+    // Whoever pressed Ctrl-C does not wait for a robot that was just struck.
+    let late = if signal::stop_requests() == 0 { robot.await_ready().err() } else { None };
     let ended = robot.down();
     conclude(options.seed, &struck, late.as_ref(), ended, &namespace)
 }

@@ -44,7 +44,9 @@ impl Feed {
         } else {
             values.iter().map(|value| layout.line(&value[self.key()])).collect()
         };
-        if !text.is_empty() {
+        if text.is_empty() {
+            node::say::mention("nothing so far");
+        } else {
             say(&text)?;
         }
         Ok(0)

@@ -75,7 +75,9 @@ pub(super) fn arm(robot: Option<&str>) -> Result<u8, Failure> {
         let newest = answers.latest().map_err(|error| refused(&error))?;
         // What was told before the request may come after it.
         if asked && let Some(state) = newest.filter(|state| state.needs_person == 0) {
-            return say(&outcome(namespace.robot(), &state)).map(|()| 0);
+            // Armed under an emergency stop it moves no more than before.
+            let code = u8::from(state.emergency_stop == 1);
+            return say(&outcome(namespace.robot(), &state)).map(|()| code);
         }
         if !asked && 0 < requests.readers() {
             ask(&mut requests)?;

@@ -77,6 +77,7 @@ impl<'a> Robot<'a> {
                 let said = said[said.len().saturating_sub(LINES)..].join("\n");
                 return Err(Failure::Refused(format!("the robot has ended; it said:\n{said}")));
             }
+            control::check_stop()?;
             if until <= clock::now() {
                 return Err(Failure::TooLong(format!("it is not ready within {PATIENCE:?}")));
             }
