@@ -197,10 +197,13 @@ pub(super) fn running(robots: &Robots) -> Finding {
         format!("'{robot}' by process {process} in {}", directory.display())
     };
     let found: Vec<_> = robots.running.iter().map(describe).collect();
-    let finding = Finding::note(what, found.join("; "));
+    let found = found.join("; ");
     // One that lives elsewhere may be somebody else's, and well.
-    let own = robots.running.iter().filter(|running| running.is_own);
-    own.map(Running::down).fold(finding, Finding::mend)
+    let mut own = robots.running.iter().filter(|running| running.is_own).peekable();
+    if own.peek().is_none() {
+        return Finding::ok(what, found);
+    }
+    own.map(Running::down).fold(Finding::note(what, found), Finding::mend)
 }
 
 impl Running {
