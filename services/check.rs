@@ -3,8 +3,14 @@
 use node::config::Listed;
 use node::{Settings, Tunable};
 
+/// What the supervisor is told of our services.
+pub(crate) const CHECK: supervisor::Check = supervisor::Check {
+    services: &["simulator", "odometry", "controller", "multiplexer", "turtlebot3"],
+    parameters: check,
+};
+
 /// Checks the parameters of one of our services; `None` where there is no such service.
-pub(crate) fn check(settings: &Settings) -> Option<node::Result> {
+fn check(settings: &Settings) -> Option<node::Result> {
     match settings.name() {
         "simulator" => Some(simulator::check(settings)),
         "odometry" => Some(odometry::check(settings)),

@@ -4,9 +4,9 @@ use std::io::Write;
 use std::path::Path;
 
 use node::Result;
-use node::config::{FileName, Layers};
 use report::Wall;
-use simulator::World;
+
+use crate::map;
 
 /// Makes the page of the run in `directory`.
 pub(crate) fn write(directory: &Path) -> Result {
@@ -22,7 +22,5 @@ pub(crate) fn make(options: &report::Options) -> Result {
 }
 
 fn walls(world: &Path) -> Result<Vec<Wall>> {
-    let file = FileName::from(world.to_string_lossy().as_ref());
-    let world: World = Layers::new().named(&file).parse()?;
-    Ok(world.outline())
+    map::read(world).map(|world| world.outline())
 }

@@ -68,7 +68,7 @@ impl Verb {
     pub(crate) fn run(self) -> ExitCode {
         match self {
             Self::Robot(supervisor::Verb::Up(options)) if options.view => show::up(&options),
-            Self::Robot(verb) => verb.run(check::check, page::write),
+            Self::Robot(verb) => verb.run(check::CHECK, page::write),
             Self::Report(options) => node::exit_code("teseo report", page::make(&options)),
             Self::Console(verb) => verb.run(steer, check::parameters),
             Self::Completions(options) => help::complete(&options),

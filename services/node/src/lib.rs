@@ -45,6 +45,7 @@ mod notify;
 pub mod observe;
 pub mod pairing;
 mod port;
+pub mod process;
 mod refusals;
 pub mod say;
 mod session;

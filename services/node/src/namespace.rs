@@ -12,6 +12,7 @@ use std::time::Duration;
 use iceoryx2::prelude::{Config, FilePath, SemanticString};
 use rustix::fs::FlockOperation;
 
+use crate::arguments::given;
 use crate::{EmergencyStop, Error, Result, clock};
 
 pub use segments::SharedMemory;
@@ -204,12 +205,11 @@ pub(crate) fn check_name(name: &str) -> Result<()> {
 }
 
 fn runtime_directory() -> PathBuf {
-    let given = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty());
     if let Some(directory) = given("TESEO_RUNTIME_DIR") {
-        return PathBuf::from(directory);
+        return directory;
     }
     if let Some(directory) = given("XDG_RUNTIME_DIR") {
-        return PathBuf::from(directory).join("teseo");
+        return directory.join("teseo");
     }
     std::env::temp_dir().join(format!("teseo-{}", rustix::process::getuid().as_raw()))
 }

@@ -43,7 +43,7 @@ pub(crate) fn check_all(file: &Path, sets: &[String], check: Check) -> Result<Se
     let Some(settings) = settings else { return Err(Error::Config(errors)) };
     let mut strangers = Vec::new();
     for process in settings.launch().process.iter().filter(|process| process.exec.is_empty()) {
-        match check(&settings.within(&process.name)) {
+        match (check.parameters)(&settings.within(&process.name)) {
             Some(Err(Error::Config(more))) => errors.extend(more),
             Some(other) => other?,
             None => strangers.push(process.name.clone()),
@@ -51,23 +51,25 @@ pub(crate) fn check_all(file: &Path, sets: &[String], check: Check) -> Result<Se
     }
     let sets: Vec<_> = sets.iter().filter_map(|set| set.parse().ok()).collect();
     let read = Launch::read_and(file, &sets, |launch, report| {
-        check_programs(launch, &strangers, report);
+        check_programs(launch, &strangers, check.services, report);
     });
     errors.extend(read.err().into_iter().flatten());
     if errors.is_empty() { Ok(settings) } else { Err(Error::Config(errors)) }
 }
 
-/// What a process without `exec` can be.
-const SERVICES: [&str; 5] = ["simulator", "odometry", "controller", "multiplexer", "turtlebot3"];
-
 /// Refuses what this machine cannot run.
-fn check_programs(launch: &Launch, strangers: &[String], report: &mut Report<'_>) {
+fn check_programs(
+    launch: &Launch,
+    strangers: &[String],
+    services: &[&str],
+    report: &mut Report<'_>,
+) {
     for (index, process) in launch.process.iter().enumerate() {
         let key = format!("process[{index}]");
         if strangers.contains(&process.name) && !report.is_mended(format!("{key}.exec")) {
             let message = format!("there is no service `{}`", process.name);
             let help =
-                format!("{}; or say with `exec` what to run", suggestion(&process.name, &SERVICES));
+                format!("{}; or say with `exec` what to run", suggestion(&process.name, services));
             report.refuse(format!("{key}.name"), message, help);
         }
         if let Some(program) = process.exec.first()

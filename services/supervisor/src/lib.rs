@@ -51,8 +51,14 @@ pub use shown::Shown;
 pub use verb::Verb;
 pub use verbs::{Goal, find, steer};
 
-/// What knows whether the parameters of a service are right; `None` where there is no such service.
-pub type Check = fn(&node::Settings) -> Option<node::Result>;
+/// What knows our services, which this crate does not.
+#[derive(Debug, Clone, Copy)]
+pub struct Check {
+    /// Their names.
+    pub services: &'static [&'static str],
+    /// Whether the parameters of one are right; `None` where there is no such service.
+    pub parameters: fn(&node::Settings) -> Option<node::Result>,
+}
 
 /// What makes a page of the records of a run, in the directory with them.
 pub type Render = fn(&std::path::Path) -> node::Result;

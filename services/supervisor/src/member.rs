@@ -283,7 +283,7 @@ impl Member {
             Life::Thread(_) => std::process::id(),
             Life::Nowhere => return,
         };
-        let peak = memory_kib(process, "VmHWM:");
+        let peak = node::process::memory_kib(process, "VmHWM:");
         self.memory_peak_kib = peak.unwrap_or(self.memory_peak_kib);
     }
 
@@ -417,11 +417,4 @@ fn signal_name(signal: i32) -> &'static str {
         15 => " (SIGTERM)",
         _ => "",
     }
-}
-
-/// [KiB] A row of `/proc/PID/status`.
-pub(crate) fn memory_kib(process: u32, row: &str) -> Option<u64> {
-    let status = std::fs::read_to_string(format!("/proc/{process}/status")).ok()?;
-    let value = status.lines().find_map(|line| line.strip_prefix(row))?;
-    value.split_whitespace().next()?.parse().ok()
 }

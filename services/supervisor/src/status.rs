@@ -4,15 +4,12 @@ use std::path::Path;
 use std::time::Duration;
 
 use interfaces::{PortStatus, Stamp};
-use node::clock;
+use node::{clock, process};
 use serde_json::{Value, json};
 
-use crate::member::{Member, memory_kib};
+use crate::member::Member;
 use crate::report::clock_label;
 use crate::supervise::Supervisor;
-
-/// [Hz] What `/proc/PID/stat` counts processor time in, on every Linux that there is.
-const TICKS_PER_SECOND: f64 = 100.0;
 
 /// Everything, as the control socket tells it.
 pub(crate) fn status(supervisor: &Supervisor<'_>) -> Value {
@@ -36,7 +33,7 @@ pub(crate) fn status(supervisor: &Supervisor<'_>) -> Value {
         "supervisor": std::process::id(),
         "uptime_s": uptime.as_secs_f64(),
         "ready_after_s": supervisor.ready_after.map(|after| after.as_secs_f64()),
-        "memory_kib": memory_kib(std::process::id(), "VmRSS:"),
+        "memory_kib": process::memory_kib(std::process::id(), "VmRSS:"),
         "cpu_percent": cpu_percent(uptime),
         "shared_memory": {
             "files": memory.files,
@@ -128,11 +125,7 @@ fn text(member: &Member) -> &str {
 
 /// [%] Of one processor, since the supervisor's start.
 fn cpu_percent(uptime: Duration) -> f64 {
-    let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
-    // After the name, which may contain anything but ends with the last parenthesis.
-    let fields = stat.rsplit(')').next().unwrap_or_default();
-    let ticks =
-        fields.split_whitespace().skip(11).take(2).filter_map(|field| field.parse::<f64>().ok());
-    let percent = ticks.sum::<f64>() / TICKS_PER_SECOND / uptime.as_secs_f64().max(1e-3) * 100.0;
+    let used = process::processor_s(std::process::id()).unwrap_or_default();
+    let percent = used / uptime.as_secs_f64().max(1e-3) * 100.0;
     (percent * 100.0).round() / 100.0
 }

@@ -9,11 +9,13 @@ use node::control::{self, Connection, Heard, Request};
 use node::deadman::Motion;
 use node::hand::{Hand, Key, PATIENCE};
 use node::observe::{self, Observer};
-use node::{Clock, EmergencyStop, Error, Namespace, Publisher, Result, Session, Subscriber, clock};
+use node::{
+    Clock, EmergencyStop, Error, Namespace, Publisher, Result, Session, Subscriber, clock, process,
+};
 use serde_json::Value;
 
 use crate::map::FindMap;
-use crate::processes::{self, Processes};
+use crate::processes::Processes;
 use crate::state::State;
 
 /// Between two questions to the supervisor where nothing has happened: what moves fast is in shared
@@ -180,7 +182,7 @@ impl Robot {
                 continue;
             };
             let cpu = self.processes.cpu_percent(now, pid);
-            state.hear_process(index, cpu, processes::memory_kib(pid));
+            state.hear_process(index, cpu, process::memory_kib(pid, "VmRSS:"));
         }
     }
 
