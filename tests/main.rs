@@ -63,6 +63,8 @@ mod supervision;
 #[cfg(test)]
 mod teleop;
 #[cfg(test)]
+mod terminal;
+#[cfg(test)]
 mod tickets;
 #[cfg(test)]
 mod topics;

@@ -1,9 +1,7 @@
 //! Driving by hand: a person at a real terminal, over the autonomy of a robot of real processes.
 
-use std::cell::RefCell;
 use std::fs::File;
-use std::io::{Read, Write};
-use std::process::Stdio;
+use std::io::Write;
 use std::time::Duration;
 
 use interfaces::topics::{
@@ -14,10 +12,10 @@ use interfaces::{
 };
 use node::{Publisher, Session, Subscriber, clock};
 use rustix::process::Signal;
-use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
-use rustix::termios::{LocalModes, Termios, tcgetattr};
+use rustix::termios::LocalModes;
 
 use crate::robot::{Ended, Robot, Run, alone, alone_in, test_of, wait_until};
+use crate::terminal::Terminal;
 
 const TELEOP: &str = include_str!("../config/teleop.toml");
 
@@ -43,8 +41,8 @@ fn a_person_drives_over_autonomy_and_gives_the_robot_back() {
         let run = up(robot);
         let mut watch = Watch::new(robot);
         watch.await_driver("autonomy");
-        let terminal = Terminal::new();
-        let teleop = terminal.start(robot, &["--hold"]).await_output("the first key takes over");
+        let terminal = Terminal::new(80, 24);
+        let teleop = drive(&terminal, robot, &["--hold"]).await_output("the first key takes over");
 
         watch.await_odometry_while(&terminal, LEFT, "turns on the spot", |odometry| {
             odometry.linear.abs() < 0.005 && (odometry.angular - TURNING).abs() < 0.05
@@ -69,8 +67,8 @@ fn a_hand_that_has_left_the_keyboard_stops_the_robot() {
     alone(|robot| {
         let run = up(robot);
         let mut watch = Watch::new(robot);
-        let terminal = Terminal::new();
-        let teleop = terminal.start(robot, &[]).await_output("the first key takes over");
+        let terminal = Terminal::new(80, 24);
+        let teleop = drive(&terminal, robot, &[]).await_output("the first key takes over");
 
         watch.await_odometry_while(&terminal, LEFT, "turns", |odometry| 0.4 < odometry.angular);
         watch.await_odometry("stands", |odometry| {
@@ -93,8 +91,8 @@ fn a_robot_without_autonomy_is_ready_for_a_person() {
         let launch_file = robot.launch_file_from(TELEOP, &[(controller, "")]);
         let run = robot.start_up(&[&launch_file]).await_count("READY", 1);
         let mut watch = Watch::new(robot);
-        let terminal = Terminal::new();
-        let teleop = terminal.start(robot, &[]).await_output("the first key takes over");
+        let terminal = Terminal::new(80, 24);
+        let teleop = drive(&terminal, robot, &[]).await_output("the first key takes over");
 
         watch.await_odometry_while(&terminal, LEFT, "turns", |odometry| 0.4 < odometry.angular);
         terminal.press("\x03");
@@ -107,10 +105,10 @@ fn a_robot_without_autonomy_is_ready_for_a_person() {
 fn a_second_person_is_refused() {
     alone(|robot| {
         let run = up(robot);
-        let (terminal, other) = (Terminal::new(), Terminal::new());
-        let teleop = terminal.start(robot, &[]).await_output("the first key takes over");
+        let (terminal, other) = (Terminal::new(80, 24), Terminal::new(80, 24));
+        let teleop = drive(&terminal, robot, &[]).await_output("the first key takes over");
 
-        let refused = other.start(robot, &[]).wait();
+        let refused = drive(&other, robot, &[]).wait();
         refused.assert_code(1);
         refused.assert_says(&["'teleop_cmd_vel' already has its one publisher (teleop)"]);
 
@@ -138,15 +136,15 @@ fn where_the_person_is_killed_autonomy_takes_over_and_another_person_may() {
     alone(|robot| {
         let run = up(robot);
         let mut watch = Watch::new(robot);
-        let terminal = Terminal::new();
-        let teleop = terminal.start(robot, &["--hold"]).await_output("the first key takes over");
+        let terminal = Terminal::new(80, 24);
+        let teleop = drive(&terminal, robot, &["--hold"]).await_output("the first key takes over");
         watch.await_odometry_while(&terminal, LEFT, "turns", |odometry| 0.4 < odometry.angular);
 
         teleop.signal(Signal::KILL).wait();
         watch.await_driver("autonomy");
 
-        let another = Terminal::new();
-        let teleop = another.start(robot, &["--hold"]).await_output("the first key takes over");
+        let another = Terminal::new(80, 24);
+        let teleop = drive(&another, robot, &["--hold"]).await_output("the first key takes over");
         let what = "turns the other way";
         watch.await_odometry_while(&another, "sddddd", what, |odometry| odometry.angular < -0.4);
         another.press("q");
@@ -160,8 +158,8 @@ fn one_whose_terminal_is_gone_drives_no_more() {
     alone(|robot| {
         let run = up(robot);
         let mut watch = Watch::new(robot);
-        let terminal = Terminal::new();
-        let teleop = terminal.start(robot, &["--hold"]).await_output("the first key takes over");
+        let terminal = Terminal::new(80, 24);
+        let teleop = drive(&terminal, robot, &["--hold"]).await_output("the first key takes over");
         watch.await_odometry_while(&terminal, LEFT, "turns", |odometry| 0.4 < odometry.angular);
 
         // A reader keeps what comes to it, but only from a publisher that it has met.
@@ -180,7 +178,7 @@ fn one_whose_terminal_is_gone_drives_no_more() {
 fn the_terminal_is_as_it_was_however_driving_ends() {
     let robot = Robot::new();
     let run = up(&robot);
-    let terminal = Terminal::new();
+    let terminal = Terminal::new(80, 24);
     let before = terminal.modes();
     let ways = [
         End::Keys("q"),
@@ -191,7 +189,7 @@ fn the_terminal_is_as_it_was_however_driving_ends() {
         End::Signal(Signal::HUP),
     ];
     for way in ways {
-        let teleop = terminal.start_shown(&robot);
+        let teleop = drive_shown(&terminal, &robot);
         terminal.await_shown("the first key takes over");
         assert!(!terminal.modes().local_modes.contains(LocalModes::ECHO), "keys are echoed");
 
@@ -210,9 +208,9 @@ fn the_terminal_is_as_it_was_however_driving_ends() {
 fn where_the_robot_goes_down_so_does_its_person() {
     let robot = Robot::new();
     let run = up(&robot);
-    let terminal = Terminal::new();
+    let terminal = Terminal::new(80, 24);
     let before = format!("{:?}", terminal.modes());
-    let teleop = terminal.start(&robot, &[]).await_output("the first key takes over");
+    let teleop = drive(&terminal, &robot, &[]).await_output("the first key takes over");
     terminal.press("s");
     let teleop = teleop.await_output(" 0.00 m/s");
     run.stop();
@@ -227,8 +225,8 @@ fn where_the_robot_goes_down_so_does_its_person() {
 fn what_is_not_shown_on_a_terminal_has_no_escape_codes() {
     let robot = Robot::new();
     let run = up(&robot);
-    let terminal = Terminal::new();
-    let teleop = terminal.start(&robot, &[]).await_output("the first key takes over");
+    let terminal = Terminal::new(80, 24);
+    let teleop = drive(&terminal, &robot, &[]).await_output("the first key takes over");
     terminal.press("w");
     let teleop = teleop.await_output("0.01 m/s");
     terminal.press("q");
@@ -264,8 +262,8 @@ fn a_robot_that_may_not_move_is_asked_to_rest_until_it_may() {
         let session = Session::join(&robot.namespace(), "wheels", 1).unwrap();
         let mut states = session.publisher(&MOTION_STATE).unwrap();
         let mut commands = session.subscriber(&TELEOP_COMMAND).unwrap();
-        let terminal = Terminal::new();
-        let teleop = terminal.start(robot, &["--hold"]).await_output("nobody says whether");
+        let terminal = Terminal::new(80, 24);
+        let teleop = drive(&terminal, robot, &["--hold"]).await_output("nobody says whether");
 
         tell(&mut states, Permission::Held, StopCause::Silence, 1);
         let teleop = teleop.await_output("held: dead-man, needs `teseo arm`");
@@ -451,71 +449,14 @@ impl Watch {
     }
 }
 
-/// A person's end of a pseudo-terminal.
-struct Terminal {
-    master: File,
-    path: String,
-    /// Held, so that it does not count as hung up between two programs.
-    slave: File,
-    shown: RefCell<String>,
+/// Starts `teseo teleop` at `terminal`, with its standard output in a file.
+fn drive<'a>(terminal: &Terminal, robot: &'a Robot, options: &[&str]) -> Run<'a> {
+    robot.start_at(&[&["teleop"], options].concat(), terminal.end(), None)
 }
 
-impl Terminal {
-    fn new() -> Self {
-        let flags = OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC;
-        let master = openpt(flags).unwrap();
-        grantpt(&master).unwrap();
-        unlockpt(&master).unwrap();
-        let path = ptsname(&master, Vec::new()).unwrap().into_string().unwrap();
-        rustix::io::ioctl_fionbio(&master, true).unwrap();
-        let slave = open(&path);
-        Self { master: master.into(), path, slave, shown: RefCell::default() }
-    }
-
-    /// Starts `teseo teleop`, with its standard output in a file.
-    fn start<'a>(&self, robot: &'a Robot, options: &[&str]) -> Run<'a> {
-        robot.start_at(&[&["teleop"], options].concat(), open(&self.path).into(), None)
-    }
-
-    /// The same with its standard output on the terminal too.
-    fn start_shown<'a>(&self, robot: &'a Robot) -> Run<'a> {
-        let output: Stdio = open(&self.path).into();
-        robot.start_at(&["teleop"], open(&self.path).into(), Some(output))
-    }
-
-    fn press(&self, keys: &str) {
-        (&self.master).write_all(keys.as_bytes()).unwrap();
-    }
-
-    fn modes(&self) -> Termios {
-        tcgetattr(&self.slave).unwrap()
-    }
-
-    #[track_caller]
-    fn await_shown(&self, text: &str) {
-        let found = wait_until(TIMEOUT, || {
-            self.read();
-            self.shown.borrow().contains(text)
-        });
-        assert!(found, "the terminal never showed '{text}': {}", self.shown.borrow());
-    }
-
-    /// Everything that was shown since the last time.
-    fn take_shown(&self) -> String {
-        self.read();
-        self.shown.take()
-    }
-
-    fn read(&self) {
-        let mut bytes = [0; 4096];
-        while let Ok(count) = (&self.master).read(&mut bytes) {
-            self.shown.borrow_mut().push_str(&String::from_utf8_lossy(&bytes[..count]));
-        }
-    }
-}
-
-fn open(path: &str) -> File {
-    File::options().read(true).write(true).open(path).unwrap()
+/// The same with its standard output on the terminal too.
+fn drive_shown<'a>(terminal: &Terminal, robot: &'a Robot) -> Run<'a> {
+    robot.start_at(&["teleop"], terminal.end(), Some(terminal.end()))
 }
 
 /// What the multiplexer is wired to.

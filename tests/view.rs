@@ -1,17 +1,13 @@
 //! The live screen: a robot of real processes, watched by a person at a real terminal.
 
-use std::cell::RefCell;
-use std::fs::File;
-use std::io::{Read, Write};
-use std::process::Stdio;
 use std::time::Duration;
 
 use rustix::process::Signal;
-use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
-use rustix::termios::{LocalModes, Termios, Winsize, tcgetattr, tcsetwinsize};
+use rustix::termios::LocalModes;
 use serde_json::Value;
 
 use crate::robot::{Robot, Run, wait_until};
+use crate::terminal::Terminal;
 
 const LAB: &str = include_str!("../config/lab_robot.toml");
 const TELEOP: &str = include_str!("../config/teleop.toml");
@@ -184,7 +180,7 @@ fn a_wrong_launch_file_is_told_without_a_screen() {
 
     view.wait().assert_code(78);
     terminal.await_shown("did you mean `noise`?");
-    assert!(!terminal.shown.borrow().contains("\x1b[?1049h"), "a screen was opened");
+    assert!(!terminal.shown().contains("\x1b[?1049h"), "a screen was opened");
     robot.assert_nothing_left();
 }
 
@@ -212,7 +208,7 @@ fn without_colours_or_unicode_there_are_none() {
     terminal.await_screen("the robot", |screen| screen.contains(" armed "));
     terminal.press("q");
     view.wait().assert_code(0);
-    let shown = terminal.shown.borrow();
+    let shown = terminal.shown();
     assert!(shown.is_ascii(), "{shown}");
     // Codes 30 to 49 and 90 to 107 are colours; 39 and 49 are none again.
     let codes = shown.split("\x1b[").skip(1).filter_map(|rest| rest.split_once('m'));
@@ -301,170 +297,4 @@ fn is_alive_again(screen: &str, restarts: &str, epoch: &str) -> bool {
 fn up(robot: &Robot) -> Run<'_> {
     let launch_file = robot.launch_file_from(LAB, &CHANGES);
     robot.start_up(&[&launch_file]).await_count("READY", 1)
-}
-
-/// A person's end of a pseudo-terminal, and what it shows.
-struct Terminal {
-    master: File,
-    path: String,
-    /// Held, so that it does not count as hung up between two programs.
-    slave: File,
-    /// Everything that ever came.
-    shown: RefCell<String>,
-    cells: RefCell<Cells>,
-}
-
-impl Terminal {
-    fn new(columns: u16, rows: u16) -> Self {
-        let flags = OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC;
-        let master = openpt(flags).unwrap();
-        grantpt(&master).unwrap();
-        unlockpt(&master).unwrap();
-        let path = ptsname(&master, Vec::new()).unwrap().into_string().unwrap();
-        rustix::io::ioctl_fionbio(&master, true).unwrap();
-        let slave = open(&path);
-        let terminal = Self {
-            master: master.into(),
-            path,
-            slave,
-            shown: RefCell::default(),
-            cells: RefCell::default(),
-        };
-        terminal.resize(columns, rows);
-        terminal
-    }
-
-    fn resize(&self, columns: u16, rows: u16) {
-        let size = Winsize { ws_row: rows, ws_col: columns, ws_xpixel: 0, ws_ypixel: 0 };
-        tcsetwinsize(&self.slave, size).unwrap();
-        self.cells.borrow_mut().resize(columns.into(), rows.into());
-    }
-
-    /// Starts `teseo` on it.
-    fn start<'a>(&self, robot: &'a Robot, words: &[&str], environment: &[(&str, &str)]) -> Run<'a> {
-        robot.start_under(&[], words, |command| {
-            let end = || Stdio::from(open(&self.path));
-            command.stdin(end()).stdout(end()).stderr(end());
-            command.env("LC_ALL", "C.UTF-8").env_remove("NO_COLOR");
-            command.envs(environment.iter().copied());
-        })
-    }
-
-    fn press(&self, keys: &str) {
-        (&self.master).write_all(keys.as_bytes()).unwrap();
-    }
-
-    fn modes(&self) -> Termios {
-        tcgetattr(&self.slave).unwrap()
-    }
-
-    /// What a person sees.
-    fn screen(&self) -> String {
-        self.read();
-        self.cells.borrow().text()
-    }
-
-    #[track_caller]
-    fn await_screen(&self, what: &str, is_it: impl Fn(&str) -> bool) {
-        let found = wait_until(TIMEOUT, || is_it(&self.screen()));
-        assert!(found, "the screen never shows {what}:\n{}", self.screen());
-    }
-
-    #[track_caller]
-    fn await_shown(&self, text: &str) {
-        let found = wait_until(TIMEOUT, || {
-            self.read();
-            self.shown.borrow().contains(text)
-        });
-        assert!(found, "the terminal never showed '{text}': {}", self.shown.borrow());
-    }
-
-    #[track_caller]
-    fn assert_restored(&self, before: &Termios) {
-        assert_eq!(format!("{:?}", self.modes()), format!("{before:?}"));
-        self.read();
-        let shown = self.shown.borrow();
-        for (set, reset) in [("\x1b[?1049h", "\x1b[?1049l"), ("\x1b[?25l", "\x1b[?25h")] {
-            let (set, reset) = (shown.rfind(set), shown.rfind(reset));
-            assert!(set.is_some() && set < reset, "{set:?} {reset:?}");
-        }
-    }
-
-    fn read(&self) {
-        let mut bytes = [0; 16384];
-        while let Ok(count @ 1..) = (&self.master).read(&mut bytes) {
-            let text = String::from_utf8_lossy(&bytes[..count]).into_owned();
-            self.shown.borrow_mut().push_str(&text);
-            self.cells.borrow_mut().take(&bytes[..count]);
-        }
-    }
-}
-
-fn open(path: &str) -> File {
-    File::options().read(true).write(true).open(path).unwrap()
-}
-
-/// A terminal's characters: as much of one as the screen makes use of.
-#[derive(Default)]
-struct Cells {
-    rows: Vec<Vec<char>>,
-    at: (usize, usize),
-    /// What of a sequence or a character has come.
-    begun: Vec<u8>,
-}
-
-impl Cells {
-    fn resize(&mut self, columns: usize, rows: usize) {
-        self.rows = vec![vec![' '; columns]; rows];
-    }
-
-    fn take(&mut self, bytes: &[u8]) {
-        for &byte in bytes {
-            self.begun.push(byte);
-            if self.begun[0] == 0x1b {
-                let is_whole = 2 < self.begun.len() && (0x40..=0x7e).contains(&byte);
-                if is_whole {
-                    let sequence = String::from_utf8(std::mem::take(&mut self.begun)).unwrap();
-                    self.obey(&sequence[2..]);
-                }
-            } else if let Ok(text) = std::str::from_utf8(&self.begun) {
-                let character = text.chars().next().unwrap();
-                self.begun.clear();
-                self.put(character);
-            }
-        }
-    }
-
-    fn obey(&mut self, sequence: &str) {
-        let (parameters, command) = sequence.split_at(sequence.len() - 1);
-        match command {
-            "H" => {
-                let mut numbers = parameters.split(';').map(|number| number.parse().unwrap_or(1));
-                let row: usize = numbers.next().unwrap_or(1);
-                let column: usize = numbers.next().unwrap_or(1);
-                self.at = (row - 1, column - 1);
-            }
-            "J" => self.rows.iter_mut().for_each(|row| row.fill(' ')),
-            _ => {}
-        }
-    }
-
-    fn put(&mut self, character: char) {
-        match character {
-            '\r' => self.at.1 = 0,
-            '\n' => self.at.0 += 1,
-            character => {
-                if let Some(cell) =
-                    self.rows.get_mut(self.at.0).and_then(|row| row.get_mut(self.at.1))
-                {
-                    *cell = character;
-                }
-                self.at.1 += 1;
-            }
-        }
-    }
-
-    fn text(&self) -> String {
-        self.rows.iter().map(|row| String::from_iter(row) + "\n").collect()
-    }
 }
