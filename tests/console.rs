@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use interfaces::topics;
-use node::observe;
+use node::{Session, observe};
 use rustix::process::Signal;
 use serde_json::Value;
 
@@ -56,7 +56,7 @@ fn one_who_looks_on_and_never_reads_holds_no_robot_up_and_changes_no_byte() {
     alone(|robot| {
         let unseen = robot.up(&FOR);
         let run = robot.start_up(&FOR).await_active();
-        let session = observe::join(&robot.namespace(), "idle").unwrap();
+        let session = Session::guest(&robot.namespace(), "idle").unwrap();
         let mut observers: Vec<_> = topics::names()
             .into_iter()
             .filter_map(|name| observe::topic(&session, name).unwrap().map(|found| (name, found)))

@@ -83,7 +83,7 @@ fn under_strace(robot: &Robot, node: &str, options: &str) -> String {
     let teseo = env!("CARGO_BIN_EXE_teseo");
     // The tracer as a grandchild: the node keeps the process id that the supervisor knows.
     let shell = format!(
-        "[ $TESEO_EPOCH = 1 ] && exec strace -D -qq {options} {teseo} {node} \\\"$@\\\"; \
+        "[ $TESEO_EPOCH = 1 ] && exec strace -D -qq {options} {teseo} __exec --parent=$PPID -- {teseo} {node} \\\"$@\\\"; \
          exec {teseo} {node} \\\"$@\\\""
     );
     let name = format!("name = \"{node}\"\n");

@@ -225,7 +225,7 @@ fn wrapped(items: &[String]) -> String {
 
 /// Joins the robot's shared memory as one who looks on.
 pub(crate) fn join(robot: &Robot) -> Result<Session, Failure> {
-    observe::join(&robot.namespace, "console").map_err(|error| refused(&error))
+    Session::guest(&robot.namespace, "console").map_err(|error| refused(&error))
 }
 
 /// Looks on at a topic of which the table knows.

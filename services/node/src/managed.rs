@@ -85,6 +85,9 @@ pub fn run_with(settings: &Settings, body: impl FnMut(&mut Node<'_>) -> Result) 
     let namespace = settings.namespace()?;
     // Before it joins, so that whoever sweeps finds nobody, or is kept off.
     let _share = if settings.autostart() { namespace.share()? } else { None };
+    if settings.autostart() {
+        namespace.clear_dead()?;
+    }
     let session =
         Session::join(&namespace, settings.name(), settings.epoch())?.with_clock(settings.clock());
     session
@@ -370,7 +373,7 @@ impl<'a> Node<'a> {
         }
         let moments = [self.rhythm.next(), self.ports.due(), Some(at_latest)];
         let until = moments.into_iter().flatten().min().unwrap_or(at_latest);
-        self.waiter.wait(until, || Ok(self.ports.has_samples()? || self.requests.has_samples()?))
+        self.waiter.wait(until)
     }
 
     /// Tells those who have come late what they have missed, now and then.

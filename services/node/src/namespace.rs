@@ -124,11 +124,12 @@ impl Namespace {
         self.create_directory()?;
         let path = self.directory.join(TRANSPORT_CONFIG);
         // The global configuration, not one of each node: iceoryx2 cleans up after the dead in
-        // the global one's place. It does so once, when a process joins: looking for the dead at each
-        // topic that is opened took half of a node's configuration.
+        // the global one's place. It does so by order alone (`clear_dead`): looking for the dead at
+        // each topic that is opened took half of a node's configuration.
         let text = format!(
             "[global]\nroot-path = \"{}\"\nprefix = \"{}\"\n\n\
-             [global.node]\ncleanup-dead-nodes-on-destruction = false\n\n\
+             [global.node]\ncleanup-dead-nodes-on-creation = false\n\
+             cleanup-dead-nodes-on-destruction = false\n\n\
              [global.service]\ncleanup-dead-nodes-on-open = false\n\n\
              [defaults.publish-subscribe]\nsubscriber-expired-connection-buffer = {EXPIRED_CONNECTIONS}\n",
             self.directory.display(),

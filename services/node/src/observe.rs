@@ -9,14 +9,9 @@ mod statistics;
 use interfaces::topics::{self, Visitor};
 use interfaces::{Described, Field, Header, Loss, Topic};
 
-use crate::{Namespace, Result, Sample, Session, Subscriber, clock};
+use crate::{Result, Sample, Session, Subscriber};
 
 pub use statistics::{Ages, Period, Statistics};
-
-/// Joins `robot` as one who looks on, called `name`: in a life whose number nobody has counted.
-pub fn join(robot: &Namespace, name: &str) -> Result<Session> {
-    Session::join(robot, name, crate::uncounted_epoch(clock::now()))
-}
 
 /// What the topic table says of one topic, whatever its type.
 #[derive(Debug, Clone, PartialEq)]

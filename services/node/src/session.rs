@@ -17,7 +17,7 @@ use interfaces::{Loss, Message, Scope, Topic};
 
 use crate::port::{Publisher, Subscriber};
 use crate::wake::Wakers;
-use crate::{Clock, Error, Namespace, Result, clock, signal};
+use crate::{Clock, Error, Namespace, Result, clock, signal, uncounted_epoch};
 
 pub(crate) type Service<T> = port_factory::publish_subscribe::PortFactory<ipc::Service, T, ()>;
 
@@ -78,6 +78,13 @@ impl Session {
             clock: Clock::Realtime,
             wakers: Rc::new(Wakers::new(node, namespace)),
         })
+    }
+
+    /// Joins `namespace` as a guest called `name`, whom no supervisor starts, in a life whose number
+    /// nobody has counted. It clears away what guests before it held that were killed.
+    pub fn guest(namespace: &Namespace, name: &str) -> Result<Self> {
+        namespace.clear_dead()?;
+        Self::join(namespace, name, uncounted_epoch(clock::now()))
     }
 
     /// In lock-step no sample is lost: a full queue holds its publisher up until it is read. And
@@ -233,7 +240,6 @@ fn reader<T: Message>(
     port: &str,
 ) -> Result<Subscriber<T>> {
     let history = usize::from(topic.loss == Loss::Latched);
-    let wakes = is_woken(port);
     let port = service
         .subscriber_builder()
         .name(&port_name(port))
@@ -241,7 +247,7 @@ fn reader<T: Message>(
         .history_request(history)
         .create()
         .map_err(|cause| Error::shared_memory(format!("read topic '{name}'"), cause))?;
-    Ok(Subscriber::new(name, topic.loss, service, port, wakes))
+    Ok(Subscriber::new(name, topic.loss, service, port))
 }
 
 /// A reader's queue is full, and nothing may be lost: give it time, but not for ever. One who only

@@ -9,9 +9,12 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
 use clap::Args;
+use node::Namespace;
 use node::launch::Process;
 use rustix::process::{Pid, Resource, Signal};
 use rustix::thread::CpuSet;
+
+use crate::sweep;
 
 /// The verb's name, which is for the supervisor alone.
 pub(crate) const VERB: &str = "__exec";
@@ -60,6 +63,12 @@ fn prepare(options: &ExecOptions) -> Result<(), String> {
         .map_err(|cause| format!("cannot be tied to the supervisor: {cause}"))?;
     if rustix::process::getppid() != Pid::from_raw(options.parent) {
         return Err("the supervisor is gone already".to_owned());
+    }
+    // Before the program, so that it finds its place free; and here, since this may hang: whoever does
+    // not come up in time is killed and begun anew.
+    let robot = std::env::var_os(sweep::MARK).map(PathBuf::from);
+    if let Some(robot) = robot.as_deref().and_then(Namespace::at) {
+        robot.clear_dead().map_err(|cause| cause.to_string())?;
     }
     // As much as the system lets it have: what a process may lock is not what it does.
     let mut limit = rustix::process::getrlimit(Resource::Memlock);

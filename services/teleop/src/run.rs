@@ -18,7 +18,7 @@ const PERIOD: Duration = Duration::from_millis(50);
 /// Drives `robot` by hand until the person has had enough.
 pub fn run(robot: &Namespace, options: &Options) -> Result {
     signal::listen();
-    let session = Session::join(robot, "teleop", node::uncounted_epoch(clock::now()))?;
+    let session = Session::guest(robot, "teleop")?;
     let commands = session.publisher(&TELEOP_COMMAND)?;
     if commands.readers() == 0 {
         return Err(deaf(robot));

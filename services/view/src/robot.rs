@@ -164,7 +164,7 @@ impl Robot {
         let Some(clock) = state.supervisor.clock.filter(|_| self.shared.is_none()) else {
             return Ok(());
         };
-        let session = observe::join(&self.namespace, "view")?.with_clock(clock);
+        let session = Session::guest(&self.namespace, "view")?.with_clock(clock);
         self.shared = Some(Shared { session, clock, statuses: Vec::new(), taps: Vec::new() });
         Ok(())
     }

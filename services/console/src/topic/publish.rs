@@ -7,7 +7,7 @@ use interfaces::topics::{self, Visitor};
 use interfaces::{Described, Field, SetError, Topic};
 use node::config::suggestion;
 use node::control::Failure;
-use node::observe::{self, Row};
+use node::observe::Row;
 use node::say::say;
 use node::{Publisher, Session, clock, signal};
 
@@ -57,7 +57,7 @@ pub(super) fn publish(options: &Options) -> Result<u8, Failure> {
     let robot = options.robot.find()?;
     let row = row(&robot, &options.topic)?;
     signal::listen();
-    let session = observe::join(&robot.namespace, "pub").map_err(|error| refused(&error))?;
+    let session = Session::guest(&robot.namespace, "pub").map_err(|error| refused(&error))?;
     let session = session.with_clock(robot.clock);
     check_place(&session, &robot, &row)?;
     let send = Send { options, session: &session, robot: &robot, row: &row };

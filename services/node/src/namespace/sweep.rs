@@ -6,10 +6,12 @@ use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use iceoryx2::node::{Node, NodeState};
+use iceoryx2::prelude::{CallbackProgression, ipc};
 use interfaces::Stamp;
 
 use super::{LOCK, Namespace};
-use crate::{EmergencyStop, clock};
+use crate::{EmergencyStop, Error, Result, clock};
 
 /// How a service says what it is, and when it is whole: nobody may write it any more.
 const STATIC_FILES: [&str; 5] =
@@ -20,6 +22,9 @@ const MONITOR_FILES: usize = 3;
 
 /// A file that its maker has not yet opened to others.
 const UNFINISHED_MODE: u32 = 0o200;
+
+/// How long another process that clears after the same dead one is waited for.
+const OTHER_CLEANER_MAX: Duration = Duration::from_secs(1);
 
 /// What a look for unfinished files came to.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -106,6 +111,24 @@ impl Namespace {
         self.sweep_tree(&self.directory, &mut look);
         known.0 = look.after;
         look.swept
+    }
+
+    /// Takes from the dead what they held: their ports' places on topics, and their files. For whoever
+    /// starts a process, before it joins, so for the supervisor: this may wait for ever for a file that
+    /// was never finished, and is then to be killed. A robot without one has its processes do it for
+    /// themselves.
+    pub fn clear_dead(&self) -> Result {
+        let config = self.enter()?;
+        Node::<ipc::Service>::list(&config, |state| {
+            if let NodeState::Dead(dead) = state
+                && let Err(cause) = dead.blocking_remove_stale_resources(OTHER_CLEANER_MAX)
+            {
+                // What is in the way is told by whoever cannot open it.
+                tracing::debug!(%cause, "a dead process keeps what it held");
+            }
+            CallbackProgression::Continue
+        })
+        .map_err(|cause| Error::shared_memory("look for dead processes", cause))
     }
 
     /// The transport's own files: what describes services and ports, and the nodes' monitors.

@@ -64,9 +64,8 @@ pub(super) fn arm(robot: Option<&str>) -> Result<u8, Failure> {
     let status = control::look(&namespace);
     let is_lockstep = status.is_some_and(|status| status["clock"] == "lockstep");
     let clock = if is_lockstep { Clock::Lockstep } else { Clock::Realtime };
-    let session = Session::join(&namespace, "arm", node::uncounted_epoch(clock::now()))
-        .map_err(|error| refused(&error))?
-        .with_clock(clock);
+    let session =
+        Session::guest(&namespace, "arm").map_err(|error| refused(&error))?.with_clock(clock);
     let mut answers = session.subscriber(&MOTION_STATE).map_err(|error| refused(&error))?;
     let mut requests = session.publisher(&MOTION_REQUEST).map_err(|error| refused(&error))?;
     let until = clock::now().after(PATIENCE);
