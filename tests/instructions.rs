@@ -5,16 +5,26 @@ use std::hint::black_box;
 use std::process::Command;
 use std::time::Duration;
 
+use clap::Parser;
 use controller::Controller;
 use interfaces::topics::SCAN;
 use interfaces::{JointState, LaserScan, Odometry, Stamp};
-use node::Session;
 use node::pairing::{Bounds, Config, Entry, Pairing, Policy};
+use node::{Session, Settings};
 use odometry::WheelOdometry;
 use simulator::{Simulator, World};
 
 use crate::random::number;
-use crate::robot::{Robot, alone};
+use crate::robot::{Robot, alone, test_of};
+
+const SIMULATION: &str = include_str!("../config/simulation.toml");
+
+/// [1/s] Of simulated time.
+const STEPS_PER_SECOND: u64 = 20;
+
+/// The command line of the node that this process is, and the file for what it has counted.
+const WORDS: &str = "NODE_WORDS";
+const COUNT: &str = "NODE_COUNT";
 
 /// Which path, and how often.
 const PATH: &str = "HOT_PATH";
@@ -84,6 +94,58 @@ fn instructions(path: &str, times: u64) -> u64 {
     assert!(valgrind.status.success() && told.contains("1 passed"), "{told}");
     let counted = told.lines().find_map(|line| line.split_once("Collected : "));
     counted.unwrap_or_else(|| panic!("{told}")).1.trim().parse().unwrap()
+}
+
+// It failed when it was new: the simulator wrote down its way through the cells in every turn.
+#[test]
+fn a_whole_node_allocates_for_each_sample_that_it_sends_and_for_nothing_else() {
+    if let Ok(words) = std::env::var(WORDS) {
+        return be_node(&words);
+    }
+    // What each sends in a step. The pairing is a thread of the supervisor, and is counted above.
+    for (node, samples) in [("simulator", 2), ("odometry", 1), ("controller", 1)] {
+        let steps = 2_000;
+        let count = allocations(node, 100 + steps) - allocations(node, 100);
+        println!("| {node} | {count} allocations in {steps} steps |");
+        let loans = LOANS * samples * steps;
+        // Its status is a sample too, ten times in each second of the wall's.
+        assert!(count.abs_diff(loans) < steps / 4, "{node}: {count} allocations, not {loans}");
+    }
+}
+
+/// [-] Allocations in the whole life of `node`, in a run of so many steps.
+fn allocations(node: &str, steps: u64) -> u64 {
+    let robot = Robot::new();
+    let count = robot.file("count", "");
+    // This same binary, which comes to `be_node`.
+    let own = std::env::current_exe().unwrap();
+    let test = test_of(&a_whole_node_allocates_for_each_sample_that_it_sends_and_for_nothing_else);
+    let shell = format!("{COUNT}={count} {WORDS}=\\\"$*\\\" exec {} {test} --exact", own.display());
+    let name = format!("name = \"{node}\"\n");
+    let exec = format!("{name}exec = [\"/bin/sh\", \"-c\", \"{shell}\", \"sh\"]\n");
+    let launch_file = robot.launch_file_from(SIMULATION, &[(&name, &exec)]);
+    let seconds = (steps / STEPS_PER_SECOND).to_string();
+    robot.up(&[&launch_file, "--for", &seconds]).assert_code(0);
+    std::fs::read_to_string(count).unwrap().parse().unwrap()
+}
+
+/// Lives as the node that the supervisor has started with these words, and counts.
+fn be_node(words: &str) {
+    #[derive(Parser)]
+    struct Line {
+        #[command(flatten)]
+        arguments: node::Arguments,
+    }
+    let name = std::env::var("TESEO_NODE").unwrap();
+    let body = match name.as_str() {
+        "simulator" => simulator::run,
+        "odometry" => odometry::run,
+        _ => controller::run,
+    };
+    let line = Line::parse_from([name.as_str()].into_iter().chain(words.split(' ')));
+    let settings = Settings::of_node(&line.arguments, &name).unwrap();
+    let taken = allocation_counter::measure(|| node::run_with(&settings, body).unwrap());
+    std::fs::write(std::env::var(COUNT).unwrap(), taken.count_total.to_string()).unwrap();
 }
 
 #[test]

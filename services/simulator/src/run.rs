@@ -326,17 +326,20 @@ impl Robot {
         let simulator = &self.simulator;
         let time = simulator.time().seconds();
         let progress = simulator.progress();
-        let path = progress.path();
+        // Only at the end: it takes memory, and the more the longer the run.
+        let cells = || progress.path();
         if self.stop_at_collision && 0 < simulator.collisions() {
             let position = simulator.world_from_base().translation;
             let (x, y) = (position.x, position.y);
-            let why =
-                format!("touched a wall at x {x:.3} m, y {y:.3} m after {time:.2} s, cells {path}");
+            let cells = cells();
+            let why = format!(
+                "touched a wall at x {x:.3} m, y {y:.3} m after {time:.2} s, cells {cells}"
+            );
             return Some((Outcome::Failed, why));
         }
         match self.until {
             Some(Until::RoundTrip) if progress.is_round_trip() => {
-                return Some((Outcome::Done, format!("round trip, cells {path}")));
+                return Some((Outcome::Done, format!("round trip, cells {}", cells())));
             }
             Some(Until::Goal) if simulator.is_goal_reached() => {
                 return Some((Outcome::Done, "goal reached".to_owned()));
@@ -344,6 +347,7 @@ impl Robot {
             Some(Until::RoundTrip | Until::Goal) | None => {}
         }
         let limit = self.for_s.filter(|&limit| limit <= time + TIME_TINY)?;
+        let path = cells();
         Some(match self.until {
             None => (Outcome::Done, format!("{limit} s are over, cells {path}")),
             Some(Until::RoundTrip) => {
