@@ -26,7 +26,8 @@ SIZES = {
     "64 KiB": (65_536, 500),
     "1 MiB": (1 << 20, 200),
 }
-"""[byte] How large a payload is (`LaserScan` of `interfaces` is a scan), [-] how many count in a round."""
+"""[byte] How large a payload is (a scan of 960 beams, or half as many with intensities), [-] how many count
+in a round."""
 
 WARM_UP = 64
 """[-] Samples before the first that counts, as in `teseo bench`."""

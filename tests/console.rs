@@ -171,7 +171,7 @@ fn rate_bandwidth_and_age_are_those_of_the_topic() {
     assert!((rate - 20.0).abs() < 2.0, "{hz}");
     assert!(hz["jitter_s"].is_number() && hz["age_p50_s"].is_number(), "{hz}");
     said(&robot, &["topic", "hz", "scan", "--for", "1"]).assert_says(&["Hz; period", "jitter"]);
-    said(&robot, &["topic", "bw", "scan", "--once"]).assert_says(&["3896 bytes a sample"]);
+    said(&robot, &["topic", "bw", "scan", "--once"]).assert_says(&["11576 bytes a sample"]);
     said(&robot, &["topic", "delay", "odom", "--once"]).assert_says(&["median"]);
     let interrupted = robot.start(&["topic", "hz", "scan"]).await_output("Hz");
     interrupted.signal(Signal::INT).wait().assert_code(0);

@@ -19,6 +19,14 @@ fn the_robot_drives_out_through_the_inner_corridor_and_back() {
 }
 
 #[test]
+fn a_lidar_with_as_many_beams_as_a_scan_has_room_for_drives_the_robot_as_well() {
+    let robot = Robot::new();
+    let beams = |beams| robot.up(&["--until", "round-trip", "--set", beams]);
+    assert_round_trip(&beams("simulator.lidar.beams=1440"), "outer");
+    beams("simulator.lidar.beams=1441").assert_code(78).assert_says(&["must be 1 to 1440"]);
+}
+
+#[test]
 fn without_a_verb_the_main_job_is_run() {
     let robot = Robot::new();
     let ended = robot.start(&[]).wait();

@@ -7,8 +7,9 @@ use iceoryx2::prelude::ZeroCopySend;
 
 use crate::Stamp;
 
-/// [-] Beams that fit in a [`LaserScan`]: an LDS-02 at its slowest, 5 Hz, takes 2300 / 5 = 460.
-pub const BEAMS_MAX: usize = 480;
+/// [-] Beams that fit in a [`LaserScan`]: four for each degree. An LDS-02 at its slowest, 5 Hz, takes
+/// 2300 / 5 = 460.
+pub const BEAMS_MAX: usize = 1440;
 
 /// [-] Index of the left wheel in a [`JointState`].
 pub const LEFT: usize = 0;
@@ -37,7 +38,7 @@ pub struct Header {
 /// counterclockwise from straight ahead. What no beam returned follows REP 117: `+inf` nothing in
 /// range, `-inf` too close, NaN invalid; only `range_min <= range && range <= range_max` is a wall.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable, ZeroCopySend)]
-#[type_name("LaserScan/1")]
+#[type_name("LaserScan/2")]
 #[repr(C)]
 pub struct LaserScan {
     /// Stamp of the first beam, sequence, epoch.

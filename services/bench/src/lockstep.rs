@@ -1,5 +1,6 @@
 //! Lock-step: how many steps four processes make in a second, and how that grows with the world.
 
+use interfaces::BEAMS_MAX;
 use node::{Error, Namespace, Result, Wait, clock};
 
 use crate::hop::Place;
@@ -16,6 +17,9 @@ pub(crate) struct Lockstep {
 
 /// [-] Of the lab's LiDAR.
 const BEAMS: usize = 240;
+
+/// [-] Of others as well, up to as many as fit.
+const ROW_OF_BEAMS: [usize; 5] = [60, BEAMS, 480, 960, BEAMS_MAX];
 
 /// [s] Simulated: long enough that the start does not show.
 const LENGTH_S: f64 = 1500.0;
@@ -43,7 +47,8 @@ pub(crate) fn configurations() -> Vec<Lockstep> {
     ];
     let mut all: Vec<_> = settings.map(|(wait, place)| with(Robot { wait, place, ..robot })).into();
     let usual = Robot { place: Place::Across, ..robot };
-    all.extend([60, 480].map(|beams| with(Robot { beams, ..usual })));
+    let others = ROW_OF_BEAMS.into_iter().filter(|&beams| beams != BEAMS);
+    all.extend(others.map(|beams| with(Robot { beams, ..usual })));
     all.extend([1_000, 10_000].map(|more_walls| with(Robot { more_walls, ..usual })));
     all.extend([2, 4].map(|robots| Lockstep { robot: usual, robots }));
     all
@@ -100,8 +105,8 @@ const STEPS: u64 = 20_000;
 const STEPS_QUICK: u64 = 500;
 
 /// By how many beams the LiDAR has.
-pub(crate) fn alone(drive: Drive) -> [Alone; 3] {
-    [60, BEAMS, 480].map(|beams| Alone { drive, beams })
+pub(crate) fn alone(drive: Drive) -> [Alone; 5] {
+    ROW_OF_BEAMS.map(|beams| Alone { drive, beams })
 }
 
 impl Alone {

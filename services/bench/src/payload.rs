@@ -1,5 +1,7 @@
 //! What is sent: written in full, read in full, and what was read is compared with what was written.
 
+use std::mem::offset_of;
+
 use bytemuck::{Pod, Zeroable};
 use iceoryx2::prelude::ZeroCopySend;
 use interfaces::{Header, LaserScan, Message};
@@ -57,13 +59,21 @@ payload!(Small, "bench/Small/1", 1024);
 payload!(Medium, "bench/Medium/1", 65_536);
 payload!(Large, "bench/Large/1", 1_048_576);
 
+/// [byte] What a scan of [`BEAMS`] beams without intensities takes, or one of half as many with them.
+pub(crate) const SCAN: usize = offset_of!(LaserScan, range) + 4 * BEAMS;
+
+/// [-] Two thirds of what fit.
+const BEAMS: usize = 960;
+
+/// Of the message, which has room for more beams, what such a scan says.
 impl Words for LaserScan {
     fn words(&self) -> &[u32] {
-        &bytemuck::cast_slice(bytemuck::bytes_of(self))[size_of::<Header>() / 4..]
+        &bytemuck::cast_slice(bytemuck::bytes_of(self))[size_of::<Header>() / 4..SCAN / 4]
     }
 
     fn words_mut(&mut self) -> &mut [u32] {
-        &mut bytemuck::cast_slice_mut(bytemuck::bytes_of_mut(self))[size_of::<Header>() / 4..]
+        &mut bytemuck::cast_slice_mut(bytemuck::bytes_of_mut(self))
+            [size_of::<Header>() / 4..SCAN / 4]
     }
 }
 

@@ -461,7 +461,7 @@ mod tests {
 
     #[test]
     fn directions_are_fractions_of_the_scan_s_own_length() {
-        for beams in [40, 230, 231, 360, 480] {
+        for beams in [40, 230, 231, 360, 1440] {
             let mut scan = blank(beams, 50);
             for (index, range) in [(beams - 1, 0.25), (beams / 4, 0.5), (3 * beams / 4, 0.75)] {
                 scan.range[index] = range;

@@ -21,8 +21,7 @@ pub(crate) enum Side {
 #[derive(Debug, Clone)]
 pub(crate) struct Points {
     /// [m] In the course's frame.
-    point: [[f64; 2]; BEAMS_MAX],
-    length: usize,
+    each: Vec<[f64; 2]>,
     /// [-] Fewer points are no wall.
     votes_min: usize,
 }
@@ -84,7 +83,7 @@ const AGREEMENT_MIN: f64 = 0.4;
 
 impl Points {
     pub(crate) fn new() -> Self {
-        Self { point: [[0.0; 2]; BEAMS_MAX], length: 0, votes_min: 0 }
+        Self { each: Vec::with_capacity(BEAMS_MAX), votes_min: 0 }
     }
 
     /// Takes over the scan, from a sensor at `sensor_x` that points `heading` off the course.
@@ -93,7 +92,7 @@ impl Points {
         let sensor = [sensor_x * cos_heading, sensor_x * sin_heading];
         let (angle_min, step) = (f64::from(scan.angle_min), f64::from(scan.angle_increment));
 
-        self.length = 0;
+        self.each.clear();
         for (index, &range) in scan.ranges().iter().enumerate() {
             let range = if is_wall(scan, range) {
                 f64::from(range)
@@ -104,8 +103,7 @@ impl Points {
                 continue;
             };
             let (sin, cos) = libm::sincos(heading + angle_min + index as f64 * step);
-            self.point[self.length] = [sensor[0] + range * cos, sensor[1] + range * sin];
-            self.length += 1;
+            self.each.push([sensor[0] + range * cos, sensor[1] + range * sin]);
         }
         self.votes_min = (scan.len() / 40).max(4);
     }
@@ -114,10 +112,9 @@ impl Points {
     pub(crate) fn direction(&self) -> Option<f64> {
         // The fourth power of a chord, as a complex number, is the same for all four directions.
         let (mut real, mut imaginary, mut weight) = (0.0, 0.0, 0.0);
-        let beams_apart = (self.length / CHORDS).max(1);
-        for index in 0..self.length {
-            let [x0, y0] = self.point[index];
-            let [x1, y1] = self.point[(index + beams_apart) % self.length];
+        let beams_apart = (self.each.len() / CHORDS).max(1);
+        for (index, &[x0, y0]) in self.each.iter().enumerate() {
+            let [x1, y1] = self.each[(index + beams_apart) % self.each.len()];
             let (dx, dy) = (x1 - x0, y1 - y0);
             let square = dx * dx + dy * dy;
             let nearer = (x0 * x0 + y0 * y0).min(x1 * x1 + y1 * y1);
@@ -211,7 +208,7 @@ impl Points {
     /// Every point as (along, across) of a wall on that side: the frame turned so that the wall
     /// lies to the left, which keeps slopes comparable.
     fn seen_from(&self, side: Side) -> impl Iterator<Item = (f64, f64)> {
-        self.point[..self.length].iter().map(move |&[x, y]| match side {
+        self.each.iter().map(move |&[x, y]| match side {
             Side::Ahead => (-y, x),
             Side::Left => (x, y),
             Side::Behind => (y, -x),

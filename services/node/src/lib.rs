@@ -31,6 +31,7 @@ pub mod config;
 pub mod control;
 pub mod deadman;
 mod diary;
+mod digest;
 mod error;
 mod estop;
 pub mod faults;

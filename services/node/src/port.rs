@@ -9,9 +9,9 @@ use std::sync::Arc;
 use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::prelude::{CallbackProgression, PortFactory as _, ipc};
 use interfaces::{Loss, Message, PortStatus, Stamp, Text};
-use xxhash_rust::xxh3::Xxh3;
 
 use crate::arrivals::{Arrival, Arrivals};
+use crate::digest::Digest;
 use crate::faults::{FaultCounts, FaultyLink};
 use crate::session::{Service, is_woken, owner_of};
 use crate::wake::{Waker, Wakers};
@@ -59,7 +59,7 @@ struct Sent<T: Message> {
     readers: RefCell<Readers>,
     epoch: u32,
     samples: Cell<u64>,
-    digest: Option<RefCell<Xxh3>>,
+    digest: Option<RefCell<Digest>>,
     faults: Option<RefCell<FaultyLink<T>>>,
 }
 
@@ -87,7 +87,7 @@ impl<T: Message> Publisher<T> {
             readers: RefCell::default(),
             epoch,
             samples: Cell::new(0),
-            digest: digests.then(|| RefCell::new(Xxh3::new())),
+            digest: digests.then(RefCell::default),
             faults: None,
         };
         Self { state: Rc::new(state) }
@@ -208,7 +208,7 @@ impl<T: Message> Port for Sent<T> {
             topic: Text::new(&self.topic),
             publishes: 1,
             samples: self.samples.get(),
-            digest: self.digest.as_ref().map_or(0, |digest| digest.borrow().digest()),
+            digest: self.digest.as_ref().map_or(0, |digest| digest.borrow().value()),
             ..PortStatus::default()
         }
     }

@@ -264,8 +264,8 @@ mod tests {
             ("track_m = nan", "`track_m` is NaN, which is not a finite number"),
             ("robot_radius_m = -1", "`robot_radius_m` is -1, but must be above zero"),
             ("goal_m = [1.0, inf]", "`goal_m` is inf, which is not a finite number"),
-            ("lidar.beams = 0", "`lidar.beams` is 0, but must be 1 to 480"),
-            ("lidar.beams = 481", "`lidar.beams` is 481, but must be 1 to 480"),
+            ("lidar.beams = 0", "`lidar.beams` is 0, but must be 1 to 1440"),
+            ("lidar.beams = 1441", "`lidar.beams` is 1441, but must be 1 to 1440"),
             ("lidar.range_min_m = -0.1", "`lidar.range_min_m` is -0.1, but must not be negative"),
             (
                 "lidar.range_max_m = 0.12",

@@ -6,10 +6,10 @@ use fearless_simd::dispatch;
 use interfaces::LaserScan;
 use nalgebra::{Isometry2, Vector2};
 
-use crate::Config;
 use crate::geometry::Walls;
 use crate::noise::RangeNoise;
 use crate::raster::{Eye, Raster};
+use crate::{Config, LidarConfig};
 
 /// [-] So much farther than its range a beam is followed, so that rounding cannot lose a wall at the
 /// very end of the range.
@@ -17,12 +17,13 @@ const BEYOND: f64 = 1e-6;
 
 /// The LiDAR on its robot. It measures a whole turn at one moment.
 pub(crate) struct Lidar {
+    config: LidarConfig,
+    /// [s] Between two scans.
+    period: f64,
     base_from_scan: Isometry2<f64>,
     raster: Raster,
     /// [m] How far a beam is followed.
     reach: f64,
-    /// What is the same in every scan; only the header and the ranges differ.
-    blank: LaserScan,
     noise: RangeNoise,
 }
 
@@ -31,22 +32,24 @@ impl Lidar {
         let lidar = &config.lidar;
         let reach = lidar.range_max_m * (1.0 + BEYOND);
         Self {
+            config: lidar.clone(),
+            period: config.dt_s,
             base_from_scan: Isometry2::translation(lidar.sensor_x_m, 0.0),
             raster: Raster::new(lidar.beams, reach),
             reach,
-            blank: blank(config, TAU / lidar.beams as f64),
             noise: RangeNoise::new(lidar.noise, config.seed),
         }
     }
 
-    /// Measures into `scan`, all of it but the header.
+    /// Measures into `scan`, which is new, or was measured into before: what has no beam is zero and
+    /// stays so, since a scan of few beams is not to cost what one of many does.
     pub(crate) fn sense(
         &mut self,
         walls: &Walls,
         world_from_base: &Isometry2<f64>,
         scan: &mut LaserScan,
     ) {
-        *scan = LaserScan { header: scan.header, ..self.blank };
+        self.describe(scan);
         let world_from_scan = world_from_base * self.base_from_scan;
         walls.grid().cast(&mut self.raster, &Eye::new(&world_from_scan), scan.ranges_mut());
 
@@ -58,6 +61,18 @@ impl Lidar {
         }
         let ranges = scan.ranges_mut();
         dispatch!(self.raster.level(), _unit => report(ranges, range_min, range_max));
+    }
+
+    /// Writes what is the same in every scan.
+    fn describe(&self, scan: &mut LaserScan) {
+        let lidar = &self.config;
+        let angle_increment = TAU / lidar.beams as f64;
+        scan.angle_max = single((lidar.beams - 1) as f64 * angle_increment);
+        scan.angle_increment = single(angle_increment);
+        scan.scan_time = single(self.period);
+        scan.range_min = single(lidar.range_min_m);
+        scan.range_max = single(lidar.range_max_m);
+        scan.length = u32::try_from(lidar.beams).expect("validated: a scan holds so many beams");
     }
 
     /// One beam, as measured.
@@ -72,20 +87,6 @@ impl Lidar {
         let origin = world_from_scan.translation.vector.into();
         let direction = world_from_scan.rotation * Vector2::new(cos, sin);
         self.noise.measure(walls.cast(origin, direction, self.reach).unwrap_or(f64::INFINITY))
-    }
-}
-
-/// A scan without its ranges.
-fn blank(config: &Config, angle_increment: f64) -> LaserScan {
-    let lidar = &config.lidar;
-    LaserScan {
-        angle_max: single((lidar.beams - 1) as f64 * angle_increment),
-        angle_increment: single(angle_increment),
-        scan_time: single(config.dt_s),
-        range_min: single(lidar.range_min_m),
-        range_max: single(lidar.range_max_m),
-        length: u32::try_from(lidar.beams).expect("validated: a scan holds so many beams"),
-        ..LaserScan::default()
     }
 }
 
@@ -115,7 +116,7 @@ mod tests {
 
     use super::*;
     use crate::geometry::Wall;
-    use crate::{LidarConfig, Noise, World};
+    use crate::{Noise, World};
 
     /// The robot in the middle of a square room, `half` from each wall, and what it measures.
     fn scan_of_room(half: f64, lidar: LidarConfig) -> LaserScan {
@@ -134,9 +135,8 @@ mod tests {
     fn scan_of(world: &World, world_from_base: &Isometry2<f64>, lidar: LidarConfig) -> LaserScan {
         let config = Config { lidar, ..Config::default() };
         let mut scan = LaserScan::default();
-        // Whatever was in the memory before must not be seen.
-        scan.range.fill(9.0);
-        scan.intensity.fill(9.0);
+        // What was measured before must not be seen.
+        scan.range[..config.lidar.beams].fill(9.0);
         Lidar::new(&config).sense(&Walls::new(world.walls()), world_from_base, &mut scan);
         scan
     }
@@ -242,7 +242,7 @@ mod tests {
 
     #[test]
     fn a_scan_says_what_it_is() {
-        for beams in [1, 240, 480] {
+        for beams in [1, 240, 480, 1440] {
             let scan = scan_of_room(1.0, LidarConfig { beams, ..LidarConfig::default() });
             let increment = TAU / beams as f64;
             assert_eq!(scan.len(), beams);

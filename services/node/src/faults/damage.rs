@@ -39,7 +39,7 @@ fn flip(payload: &mut [u8], random: &mut ChaCha8Rng) {
 fn replace<const N: usize>(payload: &mut [u8], random: &mut ChaCha8Rng, words: &[[u8; N]]) {
     // A header takes whole words, so what follows it begins with one.
     let slots = payload.len() / N;
-    let length = slots.min(1 << below(random, 11));
+    let length = slots.min(1 << below(random, 13));
     let first = below(random, slots - length + 1);
     for slot in payload.chunks_exact_mut(N).skip(first).take(length) {
         if let Some(word) = words.get(below(random, words.len())) {

@@ -9,7 +9,7 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 use super::{Faults, damage, duration};
 
 /// [-] Samples under way at once: more than a second of the fastest sensor, 50 Hz. It bounds the
-/// memory that a long delay takes, which is a quarter of a megabyte where the samples are scans.
+/// memory that a long delay takes, which is three quarters of a megabyte where the samples are scans.
 pub const QUEUE_MAX: usize = 64;
 
 /// The way from a publisher to its readers, on which samples fare as [`Faults`] say.

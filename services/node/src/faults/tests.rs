@@ -196,14 +196,14 @@ fn a_corrupted_scan_has_from_one_bad_beam_to_no_good_one() {
     let good = |scan: &LaserScan| scan.range.iter().filter(is_good).count();
     let counts: Vec<_> = (0..1_000)
         .map(|number| {
-            let mut scan = LaserScan { length: 480, ..LaserScan::default() };
+            let mut scan = LaserScan { length: 1440, ..LaserScan::default() };
             scan.range.fill(1.0);
             link.push(moment(number), scan);
             good(&link.pop(moment(number)).unwrap())
         })
         .collect();
 
-    assert!(counts.contains(&0) && counts.contains(&479) && counts.contains(&480), "SEED={SEED}");
+    assert!(counts.contains(&0) && counts.contains(&1439) && counts.contains(&1440), "SEED={SEED}");
 }
 
 #[test]
