@@ -177,8 +177,8 @@ fn a_bridge_that_is_started_again_stops_the_wheels_first_and_drives_on() {
 const BOARD: [(&str, &str, &str); 5] = [
     ("unplug board", "plug board", "is not there: plug it in"),
     ("silent board", "well board", "no answer: is the board switched on"),
-    ("garbage board", "well board", "what comes is no Dynamixel packet"),
-    ("half board", "well board", "no answer: is the board switched on"),
+    ("garbage board", "well board", "what comes is no whole answer of the board"),
+    ("half board", "well board", "what comes is no whole answer of the board"),
     ("hang on", "hang off", "it answers, but its clock stands"),
 ];
 
@@ -188,10 +188,13 @@ fn whatever_happens_to_the_board_the_robot_stops_and_drives_on_when_it_is_mended
         let mut emulated = Emulated::start(robot, &[]);
         let (mut run, mut witness) = driving(robot, &emulated, &CALM);
         for (fault, cure, what) in BOARD {
+            let before = run.output().matches(what).count();
             let begun = emulated.order(fault);
             witness.await_state(Permission::Held, StopCause::DriveLost);
             let stood = emulated.await_said("the wheels stand", begun);
-            run = run.await_output(what);
+            run = run.await_count(what, before + 1);
+            let events = robot.start(&["events"]).wait();
+            events.assert_says(&[what]);
             let mended = emulated.order(cure);
             let back = witness.wheels.len();
             assert!(
@@ -232,8 +235,8 @@ fn a_board_whose_packets_are_damaged_now_and_then_is_driven_all_the_same() {
 const LIDAR: [(&str, &str, &str); 4] = [
     ("unplug lidar", "plug lidar", "is not there: plug it in"),
     ("silent lidar", "well lidar", "it fell silent"),
-    ("garbage lidar", "well lidar", "it fell silent"),
-    ("half lidar", "well lidar", "it fell silent"),
+    ("garbage lidar", "well lidar", "what comes is no whole LDS-02 packet any more"),
+    ("half lidar", "well lidar", "what comes is no whole LDS-02 packet any more"),
 ];
 
 #[test]
@@ -242,11 +245,12 @@ fn whatever_happens_to_the_lidar_the_robot_stops_and_drives_on_when_it_is_mended
         let mut emulated = Emulated::start(robot, &[]);
         let (mut run, mut witness) = driving(robot, &emulated, &CALM);
         for (fault, cure, what) in LIDAR {
+            let before = run.output().matches(what).count();
             let begun = emulated.order(fault);
             // Without scans there are no pairs, and without pairs no commands.
             witness.await_state(Permission::Held, StopCause::Silence);
             emulated.await_said("the wheels stand", begun);
-            run = run.await_output(what);
+            run = run.await_count(what, before + 1);
             let mended = emulated.order(cure);
             robot.start(&["arm"]).wait().assert_code(0);
             witness.await_state(Permission::Armed, StopCause::None);
@@ -292,7 +296,7 @@ fn a_port_that_cannot_be_opened_is_refused_with_what_to_do() {
     refused("turtlebot3.board_port=/dev/teseo-nobody", &["is not there: plug it in"]);
     refused("turtlebot3.lidar_port=/dev/null", &["the LiDAR: /dev/null is no serial port"]);
     let other = occupy(&board);
-    refused("seed=1", &["the OpenCR: ", "is in use by another program: fuser"]);
+    refused("seed=1", &["the OpenCR: ", "is in use by another program: sudo fuser"]);
     drop(other);
     // The board's port is none of a LiDAR.
     let wrong = format!("turtlebot3.lidar_port={board}");
@@ -310,7 +314,7 @@ fn a_lidar_that_is_read_at_the_wrong_baud_rate_is_told_from_a_silent_one() {
     let launch_file = emulated.launch_file(&robot, &[]);
     let wrong = ["--set", "turtlebot3.lidar=lds-01", "--for", "4"];
     let ended = robot.up(&[&[&*launch_file][..], &wrong].concat());
-    ended.assert_code(0).assert_says(&["what comes is no LDS-01's: set `lidar`"]);
+    ended.assert_code(0).assert_says(&["what comes is no LDS-01's: set `lidar` to auto"]);
     let text = ended.story();
     assert!(!text.contains("READY"), "ready without a scan: {text}");
     assert!(!text.contains("scan to wheel"), "no scan has come to the wheels: {text}");
@@ -342,6 +346,7 @@ fn a_bridge_at_the_wrong_port_says_so() {
         [format!("turtlebot3.board_port={lidar}"), format!("turtlebot3.lidar_port={board}")];
     let ended = robot.up(&[&launch_file, "--set", &swapped[0], "--set", &swapped[1]]);
     assert_ne!(ended.code, 0, "{}", ended.story());
-    ended.assert_says(&["what comes is no Dynamixel packet", "it is silent: does it turn"]);
+    ended
+        .assert_says(&["what comes is no whole answer of the board", "it is silent: does it turn"]);
     emulated.stop();
 }

@@ -7,6 +7,7 @@ use std::path::PathBuf;
 use rustix::fs::FlockOperation;
 use serde_json::Value;
 
+use crate::emulated::Emulated;
 use crate::robot::{Ended, Robot};
 
 const TOPICS: [&str; 15] = [
@@ -15,7 +16,7 @@ const TOPICS: [&str; 15] = [
     "locked memory",
     "real-time priority",
     "open files",
-    "serial port",
+    "serial ports",
     "runtime directory",
     "former runs",
     "running robots",
@@ -105,6 +106,31 @@ fn a_processor_that_is_not_there_is_a_failure_which_names_it() {
     let finding = finding(&ended, "processors");
     assert_eq!(finding["level"], "failure", "{finding}");
     assert!(finding["found"].as_str().unwrap().contains("`controller` on 999"), "{finding}");
+}
+
+#[test]
+fn a_robot_s_ports_are_looked_at_where_it_would_look_for_them() {
+    let robot = Robot::new();
+    let emulated = Emulated::start(&robot, &[]);
+    let (board, lidar) = (emulated.port("board"), emulated.port("lidar"));
+    let ports = |board: &str, lidar: &str| {
+        let sets =
+            [format!("turtlebot3.board_port={board}"), format!("turtlebot3.lidar_port={lidar}")];
+        let words =
+            ["doctor", "config/turtlebot3.toml", "--json", "--set", &sets[0], "--set", &sets[1]];
+        finding(&robot.start(&words).wait(), "serial ports")
+    };
+    let well = ports(&board, &lidar);
+    assert_eq!(well["level"], "ok", "{well}");
+    let none = ports("/dev/null", "/dev/teseo-nobody");
+    assert_eq!(none["level"], "failure", "{none}");
+    let found = none["found"].as_str().unwrap();
+    assert!(found.starts_with("/dev/null is no serial port: set `board_port`"), "{none}");
+    assert!(
+        found.ends_with("/dev/teseo-nobody is not there: plug it in, or set `lidar_port`"),
+        "{none}"
+    );
+    emulated.stop();
 }
 
 #[test]

@@ -12,11 +12,10 @@ mod robots;
 mod system;
 
 use std::io::{IsTerminal, Write};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Args;
-use node::launch::Launch;
 use node::{Error, Settings};
 
 use crate::Check;
@@ -34,6 +33,10 @@ pub struct DoctorOptions {
     #[arg(value_name = "CONFIG", default_value = "config/simulation.toml")]
     pub config: PathBuf,
 
+    /// As `teseo up` would be given it
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub sets: Vec<String>,
+
     /// One array of objects, for programs: level, what, found, mend
     #[arg(long)]
     pub json: bool,
@@ -42,7 +45,7 @@ pub struct DoctorOptions {
 /// Looks, and says what it finds; exit code 1 where something is a failure, which the robot would
 /// not survive, and 0 where all is well or may pass: notes and warnings are no failures.
 pub(crate) fn doctor(options: &DoctorOptions, check: Check) -> ExitCode {
-    let findings = examine(&options.config, check);
+    let findings = examine(options, check);
     let text = if options.json { finding::json(&findings) } else { as_text(&findings) };
     // Whoever closed our standard output has the exit code.
     drop(std::io::stdout().write_all(text.as_bytes()));
@@ -51,12 +54,11 @@ pub(crate) fn doctor(options: &DoctorOptions, check: Check) -> ExitCode {
 }
 
 /// Each topic once, in the order in which a person wants to mend them.
-fn examine(config: &Path, check: Check) -> Vec<Finding> {
-    let launch_file = examine_launch_file(config, check);
-    let launch = Launch::read(config, &[]).ok();
-    let settings = Settings::of_supervisor(config, &[]).ok();
-    let ports = settings.and_then(|settings| settings.view(needs::BRIDGE));
-    let needs = launch.as_ref().map(|launch| Needs::of(launch, ports));
+fn examine(options: &DoctorOptions, check: Check) -> Vec<Finding> {
+    let launch_file = examine_launch_file(options, check);
+    let settings = Settings::of_supervisor(&options.config, &options.sets).ok();
+    let ports = settings.as_ref().and_then(|settings| settings.view(needs::BRIDGE));
+    let needs = settings.as_ref().map(|settings| Needs::of(settings.launch(), ports));
     let needs = needs.as_ref();
     let machine = Machine::read();
     let robots = Robots::read(&machine.runtime.path);
@@ -66,7 +68,7 @@ fn examine(config: &Path, check: Check) -> Vec<Finding> {
         limits::memory_lock(&machine, needs),
         limits::priority(&machine, needs),
         limits::open_files(&machine),
-        limits::serial_port(&machine, needs),
+        limits::serial_ports(&machine, needs),
         robots::runtime_directory(&machine, needs),
         robots::former_runs(&robots),
         robots::running(&robots),
@@ -80,10 +82,10 @@ fn examine(config: &Path, check: Check) -> Vec<Finding> {
 }
 
 /// Tells on standard error all that `teseo check` would.
-fn examine_launch_file(config: &Path, check: Check) -> Finding {
+fn examine_launch_file(options: &DoctorOptions, check: Check) -> Finding {
     let what = "launch file";
-    let file = config.display();
-    let error = match check_all(config, &[], check) {
+    let file = options.config.display();
+    let error = match check_all(&options.config, &options.sets, check) {
         Ok(settings) => {
             let count = settings.launch().process.len();
             return Finding::ok(what, format!("{file}: {count} processes, no mistake"));

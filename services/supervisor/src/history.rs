@@ -13,6 +13,9 @@ use crate::machine::{Kill, Told};
 /// [-] A day of ordinary life, and a few hours of a bad one; about half a megabyte.
 const LENGTH_MAX: usize = 2_000;
 
+/// What kind of event a node's word about itself is.
+pub(crate) const SAYS: &str = "says";
+
 /// One thing that has happened.
 #[derive(Debug, Clone)]
 pub(crate) struct Happening {
@@ -79,6 +82,24 @@ impl History {
     ) -> &Happening {
         let details = Map::from_iter([("parameter".to_owned(), details)]);
         self.push(("parameter", Some(node), Some(epoch)), text, details, at, wall)
+    }
+
+    /// Takes in what a node says of itself. What it said before is forgotten where nothing else has
+    /// happened since: one who tells how far it has come would leave room for nothing else.
+    pub(crate) fn add_words(
+        &mut self,
+        node: usize,
+        epoch: u32,
+        text: &str,
+        at: Stamp,
+        wall: SystemTime,
+    ) -> &Happening {
+        let is_more = |last: &Happening| last.node == Some(node) && last.json["kind"] == SAYS;
+        if self.happenings.back().is_some_and(is_more) {
+            self.happenings.pop_back();
+        }
+        let subject = (SAYS, Some(node), Some(epoch));
+        self.push(subject, text.to_owned(), Map::new(), at, wall)
     }
 
     fn push(
@@ -198,5 +219,28 @@ impl History {
             | Told::Ended { .. }
             | Told::Refused { .. } => {}
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_who_says_how_far_it_has_come_leaves_room_for_what_has_happened() {
+        let mut history = History::new(vec!["bridge".to_owned(), "odometry".to_owned()]);
+        let (at, wall) = (Stamp::ZERO, SystemTime::UNIX_EPOCH);
+        history.add(&Told::Flowing { node: 0 }, at, wall);
+        for node in [0, 1] {
+            for done in 0..2 * LENGTH_MAX {
+                history.add_words(node, 1, &format!("{done} done"), at, wall);
+            }
+        }
+        history.add(&Told::Flowing { node: 1 }, at, wall);
+        history.add_words(1, 1, "all done", at, wall);
+
+        let texts: Vec<_> = history.of(None).map(|happening| happening.text.as_str()).collect();
+        let flows = "its topics carry data again";
+        assert_eq!(texts, [flows, "3999 done", "3999 done", flows, "all done"]);
     }
 }

@@ -258,6 +258,11 @@ impl<'a> Supervisor<'a> {
                 Word::WatchdogTrigger => News::Hung,
                 Word::ExtendTimeout(more) => News::NeedsTime(*more),
                 Word::Status(text) => {
+                    if member.says != *text && !text.is_empty() {
+                        let (now, wall) = (clock::now(), clock::wall());
+                        let words = self.history.add_words(node, member.epoch, text, now, wall);
+                        self.desk.tell(words);
+                    }
                     member.says.clone_from(text);
                     continue;
                 }

@@ -61,7 +61,7 @@ pub enum Event {
 pub enum Loss {
     /// Nothing comes.
     Silence,
-    /// What comes makes no sense.
+    /// What comes is no answer, or not a whole one.
     Garbage,
     /// It answers, but gathers nothing new.
     Hung,
@@ -75,11 +75,12 @@ impl fmt::Display for Loss {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Silence => formatter.write_str(
-                "no answer: is the board switched on, and is this its port and no other device's?",
+                "no answer: is the board switched on, and is `board_port` its port and no other \
+                 device's?",
             ),
             Self::Garbage => formatter.write_str(
-                "what comes is no Dynamixel packet: is this the board's port, and does nobody else \
-                 use it?",
+                "what comes is no whole answer of the board: is `board_port` its port, is its cable \
+                 sound, and does no other program use it?",
             ),
             Self::Hung => formatter.write_str("it answers, but its clock stands: reset the board"),
             Self::WrongModel(model) => write!(
@@ -133,7 +134,6 @@ pub struct Board {
     clock: BoardClock,
     gathered: Stamp,
     failures: u32,
-    garbage_before: u64,
     heartbeat: u8,
     heartbeat_due: Stamp,
     command_due: Stamp,
@@ -155,7 +155,6 @@ impl Board {
             clock: BoardClock::default(),
             gathered: Stamp::ZERO,
             failures: 0,
-            garbage_before: 0,
             heartbeat: 0,
             heartbeat_due: Stamp::ZERO,
             command_due: Stamp::ZERO,
@@ -173,7 +172,6 @@ impl Board {
         self.link.reset();
         self.stage = Stage::Greeting;
         self.failures = 0;
-        self.garbage_before = self.link.garbage();
         self.told = None;
         self.heartbeat_due = Stamp::ZERO;
         self.gathered = Stamp::ZERO;
@@ -245,7 +243,6 @@ impl Board {
             let event = match outcome {
                 Ok(answer) => {
                     self.failures = 0;
-                    self.garbage_before = self.link.garbage();
                     self.take(now, &request, &answer)
                 }
                 Err(failure) => self.fail(failure),
@@ -315,8 +312,7 @@ impl Board {
         }
         Some(Event::Lost(match failure {
             Failure::Refused(error) => Loss::Refusal(error),
-            Failure::WrongLength => Loss::Garbage,
-            Failure::TimedOut if self.garbage_before < self.link.garbage() => Loss::Garbage,
+            Failure::WrongLength | Failure::Broken => Loss::Garbage,
             Failure::TimedOut => Loss::Silence,
         }))
     }

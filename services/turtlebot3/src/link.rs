@@ -25,8 +25,10 @@ pub struct Request {
 /// Why a transaction failed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Failure {
-    /// No answer came in time.
+    /// Nothing came in time, or nothing for us.
     TimedOut,
+    /// What came in time was no whole packet.
+    Broken,
     /// The device refuses, with this error: 1 failed, 2 instruction, 3 checksum, 4 range, 5 length,
     /// 6 limit, 7 access; bit 7 is an alert of its hardware.
     Refused(u8),
@@ -49,6 +51,8 @@ pub struct Link {
     decoder: Decoder,
     pending: Option<(Request, Stamp)>,
     data: Vec<u8>,
+    /// Whether the pending transaction has heard anything, and no whole packet yet.
+    hears_fragments: bool,
     garbage: u64,
 }
 
@@ -58,6 +62,7 @@ impl Default for Link {
             decoder: Decoder::default(),
             pending: None,
             data: Vec::with_capacity(BLOCK),
+            hears_fragments: false,
             garbage: 0,
         }
     }
@@ -108,11 +113,13 @@ impl Link {
         assert!(self.is_free(), "one transaction at a time");
         // An answer that comes too late must not be taken for this one's.
         self.decoder.clear();
+        self.hears_fragments = false;
         self.pending = Some((request, request.sent.after(timeout)));
     }
 
     /// Takes in what has come.
     pub fn hear(&mut self, bytes: &[u8]) {
+        self.hears_fragments |= !bytes.is_empty();
         self.decoder.push(bytes);
     }
 
@@ -124,6 +131,7 @@ impl Link {
                 self.garbage += 1;
                 continue;
             };
+            self.hears_fragments = false;
             // Whatever else is on the line: an echo of ours, another device.
             if packet.id != ID || packet.instruction != instruction::STATUS {
                 continue;
@@ -142,7 +150,8 @@ impl Link {
         }
         (due <= now).then(|| {
             self.pending = None;
-            Ended { request, outcome: Err(Failure::TimedOut) }
+            let failure = if self.hears_fragments { Failure::Broken } else { Failure::TimedOut };
+            Ended { request, outcome: Err(failure) }
         })
     }
 
@@ -198,6 +207,8 @@ mod tests {
             // The alert says that something else is wrong; the data are there.
             (alert, Ok(&[1, 2][..])),
             (status(ID, &[0, 1]), Err(Failure::WrongLength)),
+            (status(ID, &[0, 1, 2])[..7].to_vec(), Err(Failure::Broken)),
+            (status(1, &[0, 1, 2]), Err(Failure::TimedOut)),
             (Vec::new(), Err(Failure::TimedOut)),
         ];
         for (bytes, expected) in table {
@@ -229,7 +240,7 @@ mod tests {
             link.hear(&round.wrapping_mul(2_654_435_761).to_le_bytes());
             assert_eq!(link.end(at(49)), None);
         }
-        assert_eq!(link.end(at(50)).unwrap().outcome, Err(Failure::TimedOut));
+        assert_eq!(link.end(at(50)).unwrap().outcome, Err(Failure::Broken));
         assert!(0 < link.garbage());
     }
 }

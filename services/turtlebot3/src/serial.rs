@@ -18,26 +18,31 @@ const RETRY: std::time::Duration = std::time::Duration::from_millis(250);
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Refusal {
     path: String,
+    /// The parameter that says it.
+    key: &'static str,
     cause: Errno,
 }
 
 impl fmt::Display for Refusal {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let path = &self.path;
+        let Self { path, key, .. } = self;
         match self.cause {
             Errno::NOENT | Errno::NODEV | Errno::NXIO => write!(
                 formatter,
-                "{path} is not there: plug it in, or name its port (ls /dev/serial/by-id)"
+                "{path} is not there: plug it in, or set `{key}` (ls -l /dev/serial/by-id)"
             ),
             Errno::ACCESS | Errno::PERM => write!(
                 formatter,
                 "may not open {path}: sudo usermod -aG dialout $USER, then log in again"
             ),
             Errno::BUSY | Errno::AGAIN => {
-                write!(formatter, "{path} is in use by another program: fuser {path} shows which")
+                write!(
+                    formatter,
+                    "{path} is in use by another program: sudo fuser -v {path} shows which"
+                )
             }
             Errno::NOTTY | Errno::INVAL => {
-                write!(formatter, "{path} is no serial port: name the right one")
+                write!(formatter, "{path} is no serial port: set `{key}` to the right one")
             }
             cause => write!(formatter, "{path}: {cause}"),
         }
@@ -101,13 +106,15 @@ impl Port {
 #[derive(Debug)]
 pub(crate) struct Line {
     path: String,
+    key: &'static str,
     port: Option<Port>,
     retry_due: Stamp,
 }
 
 impl Line {
-    pub(crate) fn new(path: &str) -> Self {
-        Self { path: path.to_owned(), port: None, retry_due: Stamp::ZERO }
+    /// At `path`, as the parameter `key` says.
+    pub(crate) fn new(path: &str, key: &'static str) -> Self {
+        Self { path: path.to_owned(), key, port: None, retry_due: Stamp::ZERO }
     }
 
     pub(crate) fn is_open(&self) -> bool {
@@ -126,7 +133,7 @@ impl Line {
         self.retry_due = now.after(RETRY);
         Some(match Port::open(&self.path, baud_rate) {
             Ok(port) => Ok(self.port.insert(port).0.as_fd()),
-            Err(cause) => Err(Refusal { path: self.path.clone(), cause }),
+            Err(cause) => Err(Refusal { path: self.path.clone(), key: self.key, cause }),
         })
     }
 
@@ -162,12 +169,12 @@ mod tests {
     fn a_refusal_says_what_to_do() {
         let says = |cause, what: &str| {
             let path = "/dev/ttyACM0".to_owned();
-            let text = Refusal { path, cause }.to_string();
+            let text = Refusal { path, key: "board_port", cause }.to_string();
             assert!(text.contains("/dev/ttyACM0") && text.contains(what), "{text}");
         };
         says(Errno::ACCESS, "sudo usermod -aG dialout $USER");
-        says(Errno::NOENT, "ls /dev/serial/by-id");
-        says(Errno::BUSY, "fuser /dev/ttyACM0");
+        says(Errno::NOENT, "set `board_port` (ls -l /dev/serial/by-id");
+        says(Errno::BUSY, "fuser -v /dev/ttyACM0");
         says(Errno::NOTTY, "no serial port");
     }
 }

@@ -1,10 +1,8 @@
 //! Judges what the system lets this user have: memory, priority, files, ports.
 
-use std::collections::BTreeMap;
-
 use super::finding::{Finding, Level, mebibytes};
-use super::machine::{Machine, User};
-use super::needs::{MemoryLock, Needs};
+use super::machine::{Group, Machine, User};
+use super::needs::{MemoryLock, Needs, PortState, SerialPort};
 
 /// What stands where the launch file would say what is needed.
 const UNKNOWN_NEED: &str = "what is needed the launch file does not say";
@@ -105,42 +103,54 @@ pub(super) fn open_files(machine: &Machine) -> Finding {
     }
 }
 
-/// Whether the user may open the robot's serial port.
-pub(super) fn serial_port(machine: &Machine, needs: Option<&Needs>) -> Finding {
-    let what = "serial port";
-    let user = &machine.user;
+/// Whether the robot's serial ports are there, and this user may open them.
+pub(super) fn serial_ports(machine: &Machine, needs: Option<&Needs>) -> Finding {
+    let what = "serial ports";
     let Some(needs) = needs else { return Finding::ok(what, UNKNOWN_NEED) };
     let Some(ports) = &needs.serial_ports else {
         return Finding::ok(what, "no process uses a serial port");
     };
-    let Some(group) = machine.dialout else {
-        let found = "there is no group dialout, to which serial ports belong";
-        return Finding::warning(what, found).mend(as_root(user, "groupadd --system dialout"));
-    };
-    if user.id == 0 || user.groups.contains(&group.id) {
-        return present(what, user, ports);
+    let user = &machine.user;
+    let has = |state| ports.iter().any(|port| port.state == state);
+    if ports.iter().all(|port| port.state == PortState::Open) {
+        let [board, lidar] = ports.each_ref().map(|port| port.path.as_str());
+        return Finding::ok(what, format!("{} may open {board} and {lidar}", user.name));
     }
-    if group.has_user {
-        let found = format!("{} is in group dialout, but not in this session", user.name);
-        return Finding::new(Level::Failure, what, found).mend("newgrp dialout");
+    let found = ports.each_ref().map(|port| described(port, user)).join("; ");
+    let mut finding = Finding::new(Level::Failure, what, found);
+    if has(PortState::Absent) || has(PortState::NoPort) {
+        finding = finding.mend("ls -l /dev/serial/by-id");
     }
-    let found = format!("{} is not in group dialout, and may not open it", user.name);
-    let command = format!("usermod -aG dialout {}", user.name);
-    Finding::new(Level::Failure, what, found).mend(as_root(user, &command)).mend("newgrp dialout")
+    // Of a port that is not there yet nothing but the group can be told.
+    let is_member = |group: &Group| user.id == 0 || user.groups.contains(&group.id);
+    match &machine.dialout {
+        None => finding.mend(as_root(user, "groupadd --system dialout")),
+        Some(group) if is_member(group) && has(PortState::Forbidden) => {
+            let rules = "/etc/udev/rules.d/";
+            finding
+                .mend(as_root(user, &format!("cp config/99-teseo-turtlebot3.rules {rules}")))
+                .mend(as_root(user, "udevadm control --reload"))
+                .mend(as_root(user, "udevadm trigger"))
+        }
+        Some(group) if is_member(group) => finding,
+        Some(group) => {
+            if !group.has_user {
+                let command = format!("usermod -aG dialout {}", user.name);
+                finding = finding.mend(as_root(user, &command));
+            }
+            finding.mend("newgrp dialout")
+        }
+    }
 }
 
-/// Whether they are there.
-fn present(what: &'static str, user: &User, ports: &BTreeMap<String, bool>) -> Finding {
-    let list = |is_there| {
-        let ports = ports.iter().filter(|(_, there)| **there == is_there);
-        ports.map(|(port, _)| port.as_str()).collect::<Vec<_>>().join(" and ")
-    };
-    let (there, absent) = (list(true), list(false));
-    if absent.is_empty() {
-        return Finding::ok(what, format!("{} may open {there}", user.name));
+fn described(port: &SerialPort, user: &User) -> String {
+    let SerialPort { key, path, state } = port;
+    match state {
+        PortState::Open => format!("{} may open {path}", user.name),
+        PortState::Forbidden => format!("{} may not open {path}", user.name),
+        PortState::NoPort => format!("{path} is no serial port: set `{key}` to the right one"),
+        PortState::Absent => format!("{path} is not there: plug it in, or set `{key}`"),
     }
-    let found = format!("{absent} is not there: plug it in, or name its port");
-    Finding::new(Level::Failure, what, found).mend("ls -l /dev/serial/by-id")
 }
 
 /// The command, for one who may not do it as they are.
@@ -162,7 +172,7 @@ fn raise_for_good(user: &User, item: &str, value: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::doctor::machine::{Group, Space};
+    use crate::doctor::machine::Space;
 
     const MIB: u64 = 1 << 20;
 
@@ -244,37 +254,51 @@ mod tests {
         }
     }
 
+    /// Needs of a robot whose board's port was found so.
+    fn needs(state: PortState) -> Needs {
+        let port = |key, path: &str, state| SerialPort { key, path: path.to_owned(), state };
+        let board = port("board_port", "/dev/ttyACM0", state);
+        let lidar = port("lidar_port", "/dev/ttyUSB0", PortState::Open);
+        Needs { serial_ports: Some([board, lidar]), ..Needs::usual() }
+    }
+
     #[test]
-    fn a_serial_port_takes_the_group_dialout_where_one_is_used() {
-        for (uses, is_member, is_entered, level, command) in [
-            (false, false, false, Level::Ok, None),
-            (true, true, true, Level::Ok, None),
-            (true, false, true, Level::Failure, Some("newgrp dialout")),
-            (true, false, false, Level::Failure, Some("sudo usermod -aG dialout ada")),
+    fn who_may_not_open_a_port_is_told_what_gives_it() {
+        let (usermod, udev) = ("sudo usermod -aG dialout ada", "sudo udevadm trigger");
+        for (state, is_member, is_entered, mend) in [
+            (PortState::Open, false, false, None),
+            (PortState::Forbidden, false, false, Some(usermod)),
+            (PortState::Forbidden, false, true, Some("newgrp dialout")),
+            (PortState::Forbidden, true, true, Some(udev)),
+            // Whoever plugs it in later is told now.
+            (PortState::Absent, false, false, Some(usermod)),
+            (PortState::Absent, true, true, Some("ls -l /dev/serial/by-id")),
         ] {
             let mut machine = Machine::good();
             machine.dialout = Some(Group { id: 20, has_user: is_entered });
             if !is_member {
                 machine.user.groups.remove(&20);
             }
-            let ports = BTreeMap::from([("/dev/ttyACM0".to_owned(), true)]);
-            let needs = Needs { serial_ports: uses.then_some(ports), ..Needs::usual() };
-            let finding = serial_port(&machine, Some(&needs));
+            let finding = serial_ports(&machine, Some(&needs(state)));
 
-            assert_eq!(finding.level, level, "{finding:?}");
-            assert_eq!(finding.mend.first().map(String::as_str), command);
+            assert_eq!(finding.level == Level::Ok, mend.is_none(), "{finding:?}");
+            let is_told = mend.is_none_or(|mend| finding.mend.contains(&mend.to_owned()));
+            assert!(is_told, "{finding:?}");
+            assert_eq!(finding.mend.is_empty(), mend.is_none(), "{finding:?}");
         }
     }
 
     #[test]
-    fn a_serial_port_that_is_not_there_is_a_failure_which_names_it() {
-        let ports = [("/dev/ttyACM0", true), ("/dev/ttyUSB0", false)];
-        let ports = ports.map(|(port, is_there)| (port.to_owned(), is_there)).into();
-        let needs = Needs { serial_ports: Some(ports), ..Needs::usual() };
-        let finding = serial_port(&Machine::good(), Some(&needs));
-
-        assert_eq!(finding.level, Level::Failure);
-        assert!(finding.found.starts_with("/dev/ttyUSB0 is not there"), "{finding:?}");
+    fn a_port_that_is_not_there_or_none_is_named_with_its_parameter() {
+        for (state, what) in [
+            (PortState::Absent, "/dev/ttyACM0 is not there: plug it in, or set `board_port`"),
+            (PortState::NoPort, "/dev/ttyACM0 is no serial port: set `board_port`"),
+        ] {
+            let finding = serial_ports(&Machine::good(), Some(&needs(state)));
+            assert_eq!(finding.level, Level::Failure);
+            assert!(finding.found.starts_with(what), "{finding:?}");
+            assert!(finding.found.ends_with("; ada may open /dev/ttyUSB0"), "{finding:?}");
+        }
     }
 
     #[test]
@@ -284,7 +308,7 @@ mod tests {
             shared_memory(&machine, None),
             memory_lock(&machine, None),
             priority(&machine, None),
-            serial_port(&machine, None),
+            serial_ports(&machine, None),
         ] {
             assert_eq!(finding.level, Level::Ok, "{finding:?}");
         }

@@ -1,11 +1,13 @@
 //! What a launch file asks of a machine.
 
-use std::collections::{BTreeMap, BTreeSet};
-use std::path::Path;
+use std::collections::BTreeSet;
+use std::fs::{self, Metadata};
+use std::os::unix::fs::{FileTypeExt, MetadataExt};
 
 use node::config::Parameters;
 use node::launch::Launch;
 use node::{Clock, Namespace, Wait};
+use rustix::fs::Access;
 use serde::Deserialize;
 
 /// What a launch file asks of a machine.
@@ -22,9 +24,29 @@ pub(super) struct Needs {
     /// Whether the wall's time is the robot's, and which processes keep a processor while they wait.
     pub(super) clock: Clock,
     pub(super) pollers: Vec<String>,
-    /// The ports of the process that talks to a real robot, and whether each is there; `None` where
-    /// there is no such process.
-    pub(super) serial_ports: Option<BTreeMap<String, bool>>,
+    /// The ports of the process that talks to a real robot; `None` where there is no such process.
+    pub(super) serial_ports: Option<[SerialPort; 2]>,
+}
+
+/// One port, and how it was found.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct SerialPort {
+    pub(super) key: &'static str,
+    pub(super) path: String,
+    pub(super) state: PortState,
+}
+
+/// Whether a port can be opened.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum PortState {
+    /// By this user.
+    Open,
+    /// Not by this user.
+    Forbidden,
+    /// It is a file of another kind.
+    NoPort,
+    /// Nothing is there.
+    Absent,
 }
 
 /// Whether memory is to be kept from being paged.
@@ -57,6 +79,30 @@ impl Default for Ports {
 
 impl Parameters for Ports {}
 
+impl PortState {
+    /// Without opening it, which would disturb whoever uses it.
+    fn of(path: &str) -> Self {
+        match fs::metadata(path) {
+            Err(_) => Self::Absent,
+            Ok(file) if !is_terminal(&file) => Self::NoPort,
+            Ok(_) if rustix::fs::access(path, Access::READ_OK | Access::WRITE_OK).is_ok() => {
+                Self::Open
+            }
+            Ok(_) => Self::Forbidden,
+        }
+    }
+}
+
+/// Whether it is a terminal's device, which a serial port is, as far as the system tells.
+fn is_terminal(file: &Metadata) -> bool {
+    let (major, minor) = (rustix::fs::major(file.rdev()), rustix::fs::minor(file.rdev()));
+    // A pseudo-terminal's, of which the system tells nothing there.
+    let is_pseudo = (136..144).contains(&major);
+    let device = fs::read_link(format!("/sys/dev/char/{major}:{minor}"));
+    let is_other = device.is_ok_and(|device| !device.iter().any(|part| part == "tty"));
+    file.file_type().is_char_device() && (is_pseudo || !is_other)
+}
+
 impl Needs {
     pub(super) fn of(launch: &Launch, ports: Option<Ports>) -> Self {
         let processes = || launch.process.iter();
@@ -85,8 +131,8 @@ impl Needs {
             pollers: pollers.map(|process| process.name.clone()).collect(),
             serial_ports: processes().any(|process| process.name == BRIDGE).then(|| {
                 let ports = ports.unwrap_or_default();
-                let ports = [ports.board_port, ports.lidar_port];
-                ports.map(|port| (port.clone(), Path::new(&port).exists())).into()
+                [("board_port", ports.board_port), ("lidar_port", ports.lidar_port)]
+                    .map(|(key, path)| SerialPort { key, state: PortState::of(&path), path })
             }),
         }
     }

@@ -6,6 +6,7 @@ use serde_json::Value;
 
 use super::follow::{Feed, Layout, all};
 use super::table::state;
+use crate::history::SAYS;
 use node::say::{say, shown, span, time_of_day};
 
 /// [-] The last words of a life that failed.
@@ -60,7 +61,9 @@ fn explain(node: &Value, events: &[Value], logs: &[Value], now: f64) -> String {
     if let Some(index) = taken.filter(|&index| failure.is_none_or(|failure| failure < index)) {
         sentences.push(taken_down(events, index, now));
     }
-    if let Some(last) = events.iter().rfind(own) {
+    // What it says of itself stands above.
+    let happened = |event: &&Value| own(event) && event["kind"] != SAYS;
+    if let Some(last) = events.iter().rfind(happened) {
         let (ago, text) = (since(last, now), last["text"].as_str().unwrap_or_default());
         sentences.push(format!("The last that happened to it, {ago} ago: {text}."));
     }

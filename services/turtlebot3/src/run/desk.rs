@@ -68,7 +68,7 @@ impl BoardDesk {
         // A robot that was started before may be in motion, and its gyro is calibrated.
         let calibrates = config.calibrates_gyro && node.settings().epoch() == 1;
         Ok(Self {
-            line: Line::new(&config.board_port),
+            line: Line::new(&config.board_port, "board_port"),
             told: Told::new(node, "OpenCR", "board_losses"),
             board: Board::new(config.read_period(), calibrates),
             encoders: Encoders::default(),

@@ -32,7 +32,7 @@ pub(super) struct LidarDesk {
     scans: Publisher<LaserScan>,
     /// When the LiDAR is missed, if it says nothing before.
     silent_at: Stamp,
-    /// [byte] Come since the port was opened.
+    /// [byte] Come since the port was opened, or since the last packet.
     bytes: u64,
     /// Whether the LiDAR is none of the two that we know, as far as we know.
     has_tried_both: bool,
@@ -46,7 +46,7 @@ impl LidarDesk {
     pub(super) fn new(node: &mut Node<'_>, config: &Config) -> Result<Self> {
         let model = config.lidar.model();
         Ok(Self {
-            line: Line::new(&config.lidar_port),
+            line: Line::new(&config.lidar_port, "lidar_port"),
             told: Told::new(node, "LiDAR", "lidar_losses"),
             lidar: Lidar::new(model.unwrap_or(Model::Lds02), config.near_filter),
             choice: config.lidar,
@@ -139,6 +139,7 @@ impl LidarDesk {
         }
         if has_packets {
             self.silent_at = now.after(SILENCE_MAX);
+            self.bytes = 0;
             if !std::mem::replace(&mut self.is_heard, true) {
                 self.told.well(node, model.label());
             }
@@ -154,12 +155,21 @@ impl LidarDesk {
     fn why_silent(&self) -> String {
         let label = self.lidar.model().label();
         match (self.bytes, self.is_heard) {
-            (0, _) => "it is silent: does it turn, and is this its port?".to_owned(),
-            (_, true) => "it fell silent: does it still turn?".to_owned(),
+            (0, false) => "it is silent: does it turn, and is `lidar_port` its port?".to_owned(),
+            (0, true) => "it fell silent: does it still turn?".to_owned(),
+            (_, true) => format!(
+                "what comes is no whole {label} packet any more: is its cable sound, and does no \
+                 other program use its port?"
+            ),
             (_, false) if self.finds_out() => {
-                "what comes is no LiDAR's that we know: is this its port?".to_owned()
+                "what comes is neither an LDS-01's nor an LDS-02's: is `lidar_port` its port?"
+                    .to_owned()
             }
-            (_, false) => format!("what comes is no {label}'s: set `lidar`, or name its port"),
+            (_, false) => {
+                format!(
+                    "what comes is no {label}'s: set `lidar` to auto, or `lidar_port` to its port"
+                )
+            }
         }
     }
 
