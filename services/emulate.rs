@@ -114,14 +114,18 @@ impl emulator::World for Surroundings {
         self.simulator.world_from_base().rotation.angle()
     }
 
+    fn awaited(&self) -> Option<&'static str> {
+        self.until.map(|Until::RoundTrip| "round trip")
+    }
+
     fn ending(&self) -> Option<std::result::Result<String, String>> {
-        let Until::RoundTrip = self.until?;
+        let awaited = self.awaited()?;
         if 0 < self.simulator.collisions() {
             let place = self.simulator.world_from_base().translation;
             return Some(Err(format!("touched a wall at x {:.3} m, y {:.3} m", place.x, place.y)));
         }
         let is_there = self.simulator.progress().is_round_trip();
-        is_there.then(|| Ok("round trip".to_owned()))
+        is_there.then(|| Ok(awaited.to_owned()))
     }
 
     fn summary(&self) -> String {

@@ -9,7 +9,7 @@ use node::{Session, clock};
 use rustix::process::Signal;
 
 use crate::emulated::{Emulated, FIRMWARE, occupy};
-use crate::robot::{Robot, Run, alone};
+use crate::robot::{Robot, Run, alone, wait_until};
 use crate::witness::Witness;
 
 /// The robot that drives, but restarts nobody, and bears a busy machine.
@@ -282,6 +282,53 @@ fn a_battery_that_runs_low_is_told_and_one_that_is_empty_stops_the_robot() {
         run.stop();
         emulated.stop();
     });
+}
+
+#[test]
+fn the_board_plays_lets_the_wheels_go_and_tells_its_button_as_it_is_asked() {
+    alone(|robot| {
+        let mut emulated = Emulated::start(robot, &[]);
+        let (run, mut witness) = driving(robot, &emulated, &CALM);
+        let ask = |words: &[&str]| {
+            let asked = clock::now();
+            robot
+                .start(&[&["topic", "pub", "board_request"], words].concat())
+                .wait()
+                .assert_code(0);
+            asked
+        };
+        let asked = ask(&["asks_sound=1", "sound=3"]);
+        emulated.await_said("plays melody 3", asked);
+
+        emulated.order("button on");
+        let pressed = || {
+            let sensors =
+                robot.start(&["topic", "echo", "sensor_state", "--once", "--json"]).wait();
+            sensors.out.contains("\"button\":[1,0]")
+        };
+        assert!(wait_until(Duration::from_secs(20), pressed), "no button\n{}", run.output());
+
+        let asked = ask(&["asks_torque=1", "torque=0"]);
+        witness.await_state(Permission::Held, StopCause::DriveLost);
+        emulated.await_said("the wheels stand", asked);
+        let run = run.await_output("the motors let the wheels go, as was asked");
+        let asked = ask(&["asks_torque=1", "torque=1"]);
+        witness.await_state(Permission::Armed, StopCause::None);
+        emulated.await_said("the wheels turn", asked);
+        drop(witness);
+        run.stop();
+        emulated.stop();
+    });
+}
+
+#[test]
+fn an_emulated_robot_that_has_no_time_for_the_round_trip_says_so() {
+    let robot = Robot::new();
+    let short = ["--until", "round-trip", "--for", "0.2"];
+    let ports = robot.folder("ports");
+    let ended =
+        robot.start(&[&["emulate", "turtlebot3", "--ports", &ports], &short[..]].concat()).wait();
+    ended.assert_code(1).assert_says(&["0.2 s are over, no round trip", "cells 1"]);
 }
 
 #[test]

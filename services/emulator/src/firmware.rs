@@ -106,6 +106,7 @@ pub(crate) struct Firmware {
     /// [rad] The heading at which the gyro was calibrated.
     zero: f64,
     hangs: bool,
+    sound: Option<u8>,
 }
 
 impl Firmware {
@@ -124,6 +125,7 @@ impl Firmware {
             calibration,
             zero: 0.0,
             hangs: false,
+            sound: None,
         };
         firmware.put(0, &0x5000_u16.to_le_bytes());
         firmware.put(2, &1_u32.to_le_bytes());
@@ -151,6 +153,11 @@ impl Firmware {
     /// Whether the wheels turn.
     pub(crate) fn turns(&self) -> bool {
         self.motors.speed() != [0; 2]
+    }
+
+    /// The melody that was asked for since somebody last looked.
+    pub(crate) fn take_sound(&mut self) -> Option<u8> {
+        self.sound.take()
     }
 
     /// Whether the heart of whoever drives it beats.
@@ -235,6 +242,7 @@ impl Firmware {
                 }
                 self.heartbeat = self.table[19];
             }
+            50 => self.sound = Some(self.table[50]),
             59 if self.table[59] == 1 => self.blocked_until = Some(now.after(self.calibration)),
             _ => {}
         }

@@ -125,6 +125,10 @@ mod tests {
     struct Wall;
 
     impl World for Wall {
+        fn awaited(&self) -> Option<&'static str> {
+            None
+        }
+
         fn step(&mut self, _: f64, _: f64) {}
 
         fn range(&mut self, angle: f64) -> f64 {

@@ -37,6 +37,9 @@ pub trait World {
     /// [rad] Where the robot heads.
     fn heading(&self) -> f64;
 
+    /// What ends the run well, if anything does.
+    fn awaited(&self) -> Option<&'static str>;
+
     /// Whether the run is over, well or ill, and why.
     fn ending(&self) -> Option<Result<String, String>>;
 

@@ -33,14 +33,18 @@ pub fn run(options: &Options, world: &mut dyn World) -> Result {
     loop {
         let now = clock::now();
         robot.turn(now, world);
-        let is_over = options.for_s.is_some_and(|limit| limit < now.since(began).as_secs_f64());
-        if is_over || 0 < signal::stop_requests() {
+        if 0 < signal::stop_requests() {
             say(now, &world.summary());
             return Ok(());
         }
         if let Some(ending) = world.ending() {
             say(now, &world.summary());
             return ending.map(|why| say(now, &why)).map_err(Error::Fault);
+        }
+        if let Some(limit) = options.for_s.filter(|limit| *limit < now.since(began).as_secs_f64()) {
+            say(now, &world.summary());
+            let late = |missed| Err(Error::Fault(format!("{limit} s are over, no {missed}")));
+            return world.awaited().map_or(Ok(()), late);
         }
         robot.wait(now);
     }
@@ -142,7 +146,8 @@ impl Robot {
         self.obey(now);
     }
 
-    /// When the wheels begin to turn and when they stand, and whether the firmware stopped them.
+    /// When the wheels begin to turn and when they stand, whether the firmware stopped them, and what it
+    /// plays.
     fn tell(&mut self, now: Stamp) {
         let was_alive = std::mem::replace(&mut self.is_alive, self.firmware.is_alive());
         if was_alive != self.is_alive {
@@ -151,6 +156,9 @@ impl Robot {
         let did_turn = std::mem::replace(&mut self.turns, self.firmware.turns());
         if did_turn != self.turns {
             say(now, if self.turns { "the wheels turn" } else { "the wheels stand" });
+        }
+        if let Some(melody) = self.firmware.take_sound() {
+            say(now, &format!("plays melody {melody}"));
         }
     }
 

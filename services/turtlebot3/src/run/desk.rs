@@ -39,6 +39,8 @@ pub(super) struct BoardDesk {
     out: Vec<u8>,
     has_drive: bool,
     has_torque: bool,
+    /// What the motors were asked for last: to hold the wheels, or to let them go.
+    torque_asked: Option<bool>,
     is_low: bool,
     firmware: u8,
     battery_due: Stamp,
@@ -75,6 +77,7 @@ impl BoardDesk {
             out: Vec::with_capacity(PIECE),
             has_drive: false,
             has_torque: true,
+            torque_asked: None,
             is_low: false,
             firmware: 0,
             battery_due: Stamp::ZERO,
@@ -174,7 +177,9 @@ impl BoardDesk {
             self.board.play(sound);
         }
         if request.asks_torque == 1 {
-            self.board.set_torque(request.torque == 1);
+            let on = request.torque == 1;
+            self.torque_asked = Some(on);
+            self.board.set_torque(on);
         }
     }
 
@@ -220,6 +225,7 @@ impl BoardDesk {
             board_clock::Told::New(stamp) => stamp,
             board_clock::Told::Restarted(stamp) => {
                 tracing::warn!("the OpenCR was started anew");
+                self.torque_asked = None;
                 self.encoders.rebase();
                 stamp
             }
@@ -297,6 +303,12 @@ impl BoardDesk {
             self.told.well(node, "the motors have power");
         } else if self.has_torque && reading.device_status != 0 {
             self.told.lost(node, "the board finds no motors: look at their cables, then reset it");
+        } else if self.has_torque && self.torque_asked == Some(false) {
+            self.told.trouble(
+                node,
+                "the motors let the wheels go, as was asked: teseo topic pub board_request \
+                 asks_torque=1 torque=1",
+            );
         } else if self.has_torque {
             self.told
                 .lost(node, "the motors have no power: charge the battery, or reset the board");
