@@ -51,6 +51,16 @@ fn a_whole_robot_is_measured_and_nothing_of_it_is_left() {
 }
 
 #[test]
+fn the_bridge_is_measured_before_an_emulated_robot_and_nothing_of_either_is_left() {
+    let robot = Robot::new();
+    let ended = robot.start(&["bench", "bridge", "--quick", "--only=lds-02", "--csv"]).wait();
+    ended.assert_code(0).assert_says(&[
+        "bridge,\"command heard to bytes written, lds-02\",nanoseconds",
+        "bridge,\"the bridge, share of a core, lds-02\",percent_of_a_core",
+    ]);
+}
+
+#[test]
 fn the_same_loop_runs_in_one_process() {
     let robot = Robot::new();
     let ended =

@@ -64,19 +64,19 @@ impl Chain {
             robot.length_s = QUICK_S;
         }
         let ran = robot.start(namespace, 0)?.finish()?;
+        let commands = ran.report["commands"].as_u64().unwrap_or_default();
         let values = FIGURES.iter().map(|(_, node, figure)| {
-            summed(&ran.report, node, figure)
+            summed(&ran.report, node, figure, commands)
                 .ok_or_else(|| Error::Fault(format!("{node} does not tell its {figure}")))
         });
         values.collect()
     }
 }
 
-/// A duration as the nodes tell theirs: they have counted every one.
-fn summed(report: &Value, node: &str, figure: &str) -> Option<Values> {
+/// A duration as the nodes tell theirs: they have counted every one, of which there are `count`.
+pub(crate) fn summed(report: &Value, node: &str, figure: &str, count: u64) -> Option<Values> {
     let figures = &report["nodes"][node];
     let us = |which: &str| figures[format!("{figure}_{which}_us")].as_f64();
-    let count = report["commands"].as_u64()?;
     let [p50, p99, max] = [us("p50")?, us("p99")?, us("max")?].map(|value| value * 1e3);
     Some(Values::Summed(count, [p50, p99, max]))
 }

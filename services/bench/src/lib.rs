@@ -5,6 +5,7 @@
 #![forbid(unsafe_code)]
 
 mod advice;
+mod bridge;
 mod busy;
 mod card;
 mod chain;
@@ -90,6 +91,8 @@ pub enum Row {
     Pair,
     /// The whole loop in real time: from scan to wheel, segment by segment
     Loop,
+    /// The bridge before an emulated TurtleBot3: to and from its ports, and its share of a processor
+    Bridge,
     /// Lock-step: steps a second, and how they grow with beams, walls and robots
     Lockstep,
     /// What a robot at 20 Hz takes of processors and memory, and how long it takes to start

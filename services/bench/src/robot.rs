@@ -3,6 +3,7 @@
 use std::fmt::Write;
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
+use std::process::{Child, Stdio};
 use std::time::Duration;
 
 use interfaces::Stamp;
@@ -15,7 +16,7 @@ use crate::hop::Place;
 use crate::peers::own;
 
 /// The lab's maze, and its wall follower.
-const WORLD: &str = include_str!("../../../config/worlds/lab02.toml");
+pub(crate) const WORLD: &str = include_str!("../../../config/worlds/lab02.toml");
 const CONTROLLER: &str = include_str!("../../../config/controller/lab_simulation.toml");
 
 /// What is different from one robot to the next.
@@ -52,7 +53,7 @@ const PAUSE: Duration = Duration::from_millis(20);
 pub(crate) struct Running {
     namespace: Namespace,
     directory: PathBuf,
-    child: std::process::Child,
+    child: Child,
     until: Stamp,
 }
 
@@ -69,35 +70,12 @@ impl Robot {
     /// Starts it beside `namespace`, as the robot with this number.
     pub(crate) fn start(&self, namespace: &Namespace, number: usize) -> Result<Running> {
         let name = format!("{}-r{number}", namespace.robot());
-        let namespace = Namespace::new(&name)?;
-        let directory = Namespace::runtime_directory().join(format!("{name}.files"));
-        let write = |name: &str, text: &str| {
-            let path = directory.join(name);
-            fs::create_dir_all(&directory)
-                .and_then(|()| fs::write(&path, text))
-                .map_err(failed(&path))
-        };
-        write("world.toml", &self.world())?;
-        write("controller.toml", CONTROLLER)?;
-        write("launch.toml", &self.launch(&name))?;
-        let said = directory.join("said");
-        let output = File::create(&said).map_err(failed(&said))?;
-        let error = output.try_clone().map_err(failed(&said))?;
-        let mut command = own()?;
-        command.arg("up").arg(directory.join("launch.toml"));
-        command.arg("--report").arg(directory.join("report.json"));
-        command.stdin(std::process::Stdio::null()).stdout(output).stderr(error);
-        // What this process may use when it starts another is what that one may use.
-        let everywhere = sched_getaffinity(None).map_err(unpinned)?;
-        if self.place == Place::One {
-            let mut one = CpuSet::new();
-            one.set((0..CpuSet::MAX_CPU).find(|&core| everywhere.is_set(core)).unwrap_or_default());
-            sched_setaffinity(None, &one).map_err(unpinned)?;
-        }
-        let child = command.spawn();
-        sched_setaffinity(None, &everywhere).map_err(unpinned)?;
-        let child = child.map_err(failed(Path::new("/proc/self/exe")))?;
-        Ok(Running { namespace, directory, child, until: clock::now().after(TIMEOUT) })
+        let files = [
+            ("world.toml", &*self.world()),
+            ("controller.toml", CONTROLLER),
+            ("launch.toml", &self.launch(&name)),
+        ];
+        Running::start(&name, &files, self.place)
     }
 
     fn launch(&self, name: &str) -> String {
@@ -135,6 +113,30 @@ impl Robot {
 }
 
 impl Running {
+    /// Starts the robot of this name from these files, of which one is `launch.toml`.
+    pub(crate) fn start(name: &str, files: &[(&str, &str)], place: Place) -> Result<Self> {
+        let namespace = Namespace::new(name)?;
+        let directory = write(name, files)?;
+        let said = directory.join("said");
+        let output = File::create(&said).map_err(failed(&said))?;
+        let error = output.try_clone().map_err(failed(&said))?;
+        let mut command = own()?;
+        command.arg("up").arg(directory.join("launch.toml"));
+        command.arg("--report").arg(directory.join("report.json"));
+        command.stdin(Stdio::null()).stdout(output).stderr(error);
+        // What this process may use when it starts another is what that one may use.
+        let everywhere = sched_getaffinity(None).map_err(unpinned)?;
+        if place == Place::One {
+            let mut one = CpuSet::new();
+            one.set((0..CpuSet::MAX_CPU).find(|&core| everywhere.is_set(core)).unwrap_or_default());
+            sched_setaffinity(None, &one).map_err(unpinned)?;
+        }
+        let child = command.spawn();
+        sched_setaffinity(None, &everywhere).map_err(unpinned)?;
+        let child = child.map_err(failed(Path::new("/proc/self/exe")))?;
+        Ok(Self { namespace, directory, child, until: clock::now().after(TIMEOUT) })
+    }
+
     /// The processes of this robot by name: the supervisor's own is that of the pairing.
     pub(crate) fn processes(&self) -> Vec<(String, u32)> {
         let supervisors = children(self.child.id());
@@ -173,16 +175,38 @@ impl Running {
 
 impl Drop for Running {
     fn drop(&mut self) {
-        if matches!(self.child.try_wait(), Ok(None)) {
-            if let Some(process) = Pid::from_raw(self.child.id().cast_signed()) {
-                let _ = rustix::process::kill_process(process, Signal::TERM);
-            }
-            drop(self.child.wait());
-        }
+        end(&mut self.child);
         let _ = fs::remove_file(self.namespace.last_words());
         self.namespace.remove();
-        let _ = fs::remove_dir_all(&self.directory);
-        let _ = fs::remove_dir(Namespace::runtime_directory());
+        remove(&self.directory);
+    }
+}
+
+/// Writes files for the robot of this name; returns where they are.
+pub(crate) fn write(name: &str, files: &[(&str, &str)]) -> Result<PathBuf> {
+    let directory = Namespace::runtime_directory().join(format!("{name}.files"));
+    for (name, text) in files {
+        let path = directory.join(name);
+        fs::create_dir_all(&directory)
+            .and_then(|()| fs::write(&path, text))
+            .map_err(failed(&path))?;
+    }
+    Ok(directory)
+}
+
+/// Removes what [`write`] has written, and where it lies if nothing else does.
+pub(crate) fn remove(directory: &Path) {
+    let _ = fs::remove_dir_all(directory);
+    let _ = fs::remove_dir(Namespace::runtime_directory());
+}
+
+/// Tells a process to end, and waits until it has.
+pub(crate) fn end(child: &mut Child) {
+    if matches!(child.try_wait(), Ok(None)) {
+        if let Some(process) = Pid::from_raw(child.id().cast_signed()) {
+            let _ = rustix::process::kill_process(process, Signal::TERM);
+        }
+        drop(child.wait());
     }
 }
 
@@ -213,7 +237,7 @@ pub(crate) fn processor_time(process: u32) -> Option<f64> {
     Some(times.sum())
 }
 
-fn failed(path: &Path) -> impl Fn(std::io::Error) -> Error {
+pub(crate) fn failed(path: &Path) -> impl Fn(std::io::Error) -> Error {
     let path = path.to_owned();
     move |cause| Error::File { path: path.clone(), cause }
 }

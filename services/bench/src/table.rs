@@ -6,7 +6,7 @@ use crate::advice;
 use crate::measured::{Book, Figure};
 
 /// What each row is, in the order in which they are told.
-const ROWS: [(&str, &str); 5] = [
+const ROWS: [(&str, &str); 6] = [
     (
         "hop",
         "one hop: payload written in full, sent, received, read in full; back to back it is half a \
@@ -17,6 +17,11 @@ const ROWS: [(&str, &str); 5] = [
         "loop",
         "the whole loop in real time, as its nodes tell it: the age of a scan, where the median is that \
          of the rounds' medians",
+    ),
+    (
+        "bridge",
+        "the bridge before an emulated TurtleBot3, by the turn of its loop that hears or reads; the median \
+         is that of the rounds' medians",
     ),
     (
         "lockstep",

@@ -2,6 +2,7 @@
 
 use node::{Namespace, Result};
 
+use crate::bridge::{self, Bridge};
 use crate::chain::{self, Chain};
 use crate::cost::{self, Cost};
 use crate::hop::{self, Hop};
@@ -22,6 +23,8 @@ pub(crate) enum Work {
     Ticket(Payload),
     /// The whole loop in real time.
     Chain(Chain),
+    /// The bridge to a TurtleBot3.
+    Bridge(Bridge),
     /// A robot in lock-step.
     Lockstep(Lockstep),
     /// The same loop in one process.
@@ -50,6 +53,9 @@ pub(crate) fn configurations(rows: &[Row], cores: usize, drive: Drive) -> (Vec<W
         }
         works.extend(chain::configurations().into_iter().map(Work::Chain));
     }
+    if is_asked(Row::Bridge) {
+        works.extend(bridge::configurations().map(Work::Bridge));
+    }
     if is_asked(Row::Lockstep) {
         works.extend(lockstep::configurations().into_iter().map(Work::Lockstep));
         works.extend(lockstep::alone(drive).map(Work::Alone));
@@ -67,22 +73,20 @@ impl Work {
     /// A place for each figure that [`Work::measure`] yields.
     pub(crate) fn collected(&self) -> Vec<Collected> {
         let new = |row, name| Collected::new(row, name, Unit::Nanoseconds);
+        let told = |row, names: Vec<(String, Unit)>| {
+            names.into_iter().map(|(name, unit)| Collected::new(row, name, unit)).collect()
+        };
         match self {
             Self::Hop(hop) => vec![new("hop", hop.name())],
             Self::Core(core) => vec![new("pair", core.name())],
             Self::Ticket(payload) => payload.names().map(|name| new("pair", name)).into(),
             Self::Chain(chain) => chain.names().into_iter().map(|name| new("loop", name)).collect(),
-            Self::Lockstep(lockstep) => {
-                let names = lockstep.names();
-                names.map(|(name, unit)| Collected::new("lockstep", name, unit)).into()
-            }
+            Self::Bridge(bridge) => told("bridge", bridge.names()),
+            Self::Lockstep(lockstep) => told("lockstep", lockstep.names().into()),
             Self::Alone(alone) => {
                 vec![Collected::new("lockstep", alone.name(), Unit::PerSecond)]
             }
-            Self::Cost(cost) => {
-                let names = cost.names().into_iter();
-                names.map(|(name, unit)| Collected::new("cost", name, unit)).collect()
-            }
+            Self::Cost(cost) => told("cost", cost.names()),
         }
     }
 
@@ -93,6 +97,7 @@ impl Work {
             Self::Core(core) => Ok(vec![core.measure()]),
             Self::Ticket(payload) => Ok(payload.measure(namespace, effort)?.into()),
             Self::Chain(chain) => chain.measure(namespace, effort),
+            Self::Bridge(bridge) => bridge.measure(namespace, effort),
             Self::Lockstep(lockstep) => lockstep.measure(namespace, effort),
             Self::Alone(alone) => Ok(vec![alone.measure(effort)?]),
             Self::Cost(cost) => cost.measure(namespace, effort),
