@@ -61,11 +61,16 @@ fn the_bridge_is_measured_before_an_emulated_robot_and_nothing_of_either_is_left
 }
 
 #[test]
-fn the_same_loop_runs_in_one_process() {
+fn the_same_loop_runs_in_one_process_with_other_beams_walls_and_robots() {
     let robot = Robot::new();
     let ended =
         robot.start(&["bench", "lockstep", "--quick", "--only=one process", "--csv"]).wait();
-    ended.assert_code(0).assert_says(&["steps a second, one process, 240 beams"]);
+    ended.assert_code(0).assert_says(&[
+        "\"steps a second, one process, 240 beams\"",
+        "\"steps a second, one process, 1440 beams\"",
+        "\"steps a second, one process, 240 beams, 100000 more walls\"",
+        "\"steps a second, one process, 240 beams, 16 robots in one world\"",
+    ]);
 }
 
 #[test]

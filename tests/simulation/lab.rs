@@ -64,7 +64,7 @@ fn no_noise_makes_the_corridor_follower_touch_a_wall() {
 
 #[test]
 fn the_corridor_follower_needs_no_particular_number_of_beams() {
-    for beams in [60, 231, 360, 460] {
+    for beams in [60, 231, 360, 460, 1440] {
         let trip = drive(CORRIDOR_FOLLOWING, "inner", Noise::Lds01, beams, 1);
         assert_round_trip(&trip, &format!("SEED=1, {beams} beams"));
     }

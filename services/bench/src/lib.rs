@@ -25,6 +25,7 @@ mod work;
 
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use clap::{Args, ValueEnum};
 use node::{Error, Namespace, Result, signal};
@@ -111,9 +112,29 @@ pub(crate) enum Effort {
 /// [-] Rounds of a quick look.
 const ROUNDS_QUICK: u32 = 2;
 
-/// Drives so many steps of the lab's loop with so many beams, in this process; returns how far, in m.
-/// The binary tells it, since no service knows the others.
-pub type Drive = fn(u64, usize) -> Result<f64>;
+/// What is driven in one process.
+#[derive(Debug, Clone, Copy)]
+pub struct Course {
+    /// [-] Of each robot's LiDAR.
+    pub beams: usize,
+    /// [-] Walls that stand around the lab's maze.
+    pub more_walls: usize,
+    /// [-] Robots in this one world, who see and stop each other.
+    pub robots: usize,
+}
+
+/// What came of it.
+#[derive(Debug, Clone, Copy)]
+pub struct Driven {
+    /// [m] All robots together.
+    pub distance: f64,
+    /// How long it took, once everything was there.
+    pub took: Duration,
+}
+
+/// Drives so many steps of the lab's loop in this process. The binary tells it, since no service knows
+/// the others.
+pub type Drive = fn(u64, &Course) -> Result<Driven>;
 
 /// Measures, and prints what was found.
 pub fn run(options: &Options, drive: Drive) -> Result {

@@ -1,14 +1,16 @@
 //! Lock-step: how many steps four processes make in a second, and how that grows with the world.
 
+use std::fmt::Write;
+
 use interfaces::BEAMS_MAX;
-use node::{Error, Namespace, Result, Wait, clock};
+use node::{Error, Namespace, Result, Wait};
 
 use crate::hop::Place;
 use crate::measured::{Unit, Values};
 use crate::robot::Robot;
-use crate::{Drive, Effort};
+use crate::{Course, Drive, Driven, Effort};
 
-/// Robots in one world each, all at once.
+/// Robots in a world each, all at once: a process is in one namespace, and a robot has one of its own.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Lockstep {
     robot: Robot,
@@ -20,6 +22,12 @@ const BEAMS: usize = 240;
 
 /// [-] Of others as well, up to as many as fit.
 const ROW_OF_BEAMS: [usize; 5] = [60, BEAMS, 480, 960, BEAMS_MAX];
+
+/// [-] More walls than the maze has.
+const ROW_OF_WALLS: [usize; 3] = [1_000, 10_000, 100_000];
+
+/// [-] More robots than one.
+const ROW_OF_ROBOTS: [usize; 4] = [2, 4, 8, 16];
 
 /// [s] Simulated: long enough that the start does not show.
 const LENGTH_S: f64 = 1500.0;
@@ -49,8 +57,8 @@ pub(crate) fn configurations() -> Vec<Lockstep> {
     let usual = Robot { place: Place::Across, ..robot };
     let others = ROW_OF_BEAMS.into_iter().filter(|&beams| beams != BEAMS);
     all.extend(others.map(|beams| with(Robot { beams, ..usual })));
-    all.extend([1_000, 10_000].map(|more_walls| with(Robot { more_walls, ..usual })));
-    all.extend([2, 4].map(|robots| Lockstep { robot: usual, robots }));
+    all.extend(ROW_OF_WALLS.map(|more_walls| with(Robot { more_walls, ..usual })));
+    all.extend(ROW_OF_ROBOTS.map(|robots| Lockstep { robot: usual, robots }));
     all
 }
 
@@ -62,7 +70,7 @@ impl Lockstep {
             what = format!("{what}, {} more walls", self.robot.more_walls);
         }
         if 1 < self.robots {
-            what = format!("{what}, {} robots", self.robots);
+            what = format!("{what}, {} robots, a world each", self.robots);
         }
         [
             (format!("steps a second, {what}"), Unit::PerSecond),
@@ -73,8 +81,11 @@ impl Lockstep {
     /// One round.
     pub(crate) fn measure(&self, namespace: &Namespace, effort: Effort) -> Result<Vec<Values>> {
         let mut robot = self.robot;
-        if effort == Effort::Quick {
-            robot.length_s = QUICK_S;
+        match effort {
+            // Each of several takes longer for a step, but they also take longer to start, and shall
+            // run at the same time.
+            Effort::Whole => robot.length_s /= (self.robots as f64).sqrt(),
+            Effort::Quick => robot.length_s = QUICK_S,
         }
         let running = (0..self.robots).map(|number| robot.start(namespace, number));
         let running = running.collect::<Result<Vec<_>>>()?;
@@ -95,7 +106,7 @@ impl Lockstep {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Alone {
     drive: Drive,
-    beams: usize,
+    course: Course,
 }
 
 /// [-] Steps of one round.
@@ -104,14 +115,26 @@ const STEPS: u64 = 20_000;
 /// [-] The same, for a quick look.
 const STEPS_QUICK: u64 = 500;
 
-/// By how many beams the LiDAR has.
-pub(crate) fn alone(drive: Drive) -> [Alone; 5] {
-    ROW_OF_BEAMS.map(|beams| Alone { drive, beams })
+/// By beams, by walls and by robots, which are in one world here.
+pub(crate) fn alone(drive: Drive) -> Vec<Alone> {
+    let usual = Course { beams: BEAMS, more_walls: 0, robots: 1 };
+    let mut all: Vec<_> = ROW_OF_BEAMS.map(|beams| Course { beams, ..usual }).into();
+    all.extend(ROW_OF_WALLS.map(|more_walls| Course { more_walls, ..usual }));
+    all.extend(ROW_OF_ROBOTS.map(|robots| Course { robots, ..usual }));
+    all.into_iter().map(|course| Alone { drive, course }).collect()
 }
 
 impl Alone {
     pub(crate) fn name(&self) -> String {
-        format!("steps a second, one process, {} beams", self.beams)
+        let Course { beams, more_walls, robots } = self.course;
+        let mut name = format!("steps a second, one process, {beams} beams");
+        if 0 < more_walls {
+            let _ = write!(name, ", {more_walls} more walls");
+        }
+        if 1 < robots {
+            let _ = write!(name, ", {robots} robots in one world");
+        }
+        name
     }
 
     pub(crate) fn measure(&self, effort: Effort) -> Result<Values> {
@@ -119,12 +142,10 @@ impl Alone {
             Effort::Whole => STEPS,
             Effort::Quick => STEPS_QUICK,
         };
-        let begun = clock::now();
-        let distance = (self.drive)(steps, self.beams)?;
-        let took = clock::now().since(begun).as_secs_f64();
+        let Driven { distance, took } = (self.drive)(steps, &self.course)?;
         if distance <= 0.0 {
             return Err(Error::Fault("the robot did not move".to_owned()));
         }
-        Ok(Values::One(steps as f64 / took))
+        Ok(Values::One(steps as f64 * self.course.robots as f64 / took.as_secs_f64()))
     }
 }

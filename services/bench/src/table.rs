@@ -25,7 +25,8 @@ const ROWS: [(&str, &str); 6] = [
     ),
     (
         "lockstep",
-        "lock-step in the lab's maze, no noise: four processes and the supervisor, or all in one process",
+        "lock-step in the lab's maze, no noise: four processes and the supervisor, or all in one process; of \
+         several robots, the steps of all together",
     ),
     ("cost", "what a robot takes"),
 ];

@@ -58,9 +58,11 @@ pub(crate) fn configurations(rows: &[Row], cores: usize, drive: Drive) -> (Vec<W
     }
     if is_asked(Row::Lockstep) {
         works.extend(lockstep::configurations().into_iter().map(Work::Lockstep));
-        works.extend(lockstep::alone(drive).map(Work::Alone));
+        works.extend(lockstep::alone(drive).into_iter().map(Work::Alone));
         absent.push(
-            "lock-step with several robots in one world: robots are in a world each".to_owned(),
+            "lock-step in processes with several robots in one world: a process is in one robot's \
+             namespace, so each has a world; in one process they share it"
+                .to_owned(),
         );
     }
     if is_asked(Row::Cost) {

@@ -50,7 +50,7 @@ mod tests {
         digest.value()
     }
 
-    // Breaks, as it should, where the place of a stretch is not taken, or the last block is left out.
+    // Breaks, as it should, where the place of a stretch is not told.
     #[test]
     fn a_byte_that_differs_anywhere_shows_and_so_does_its_place() {
         let length = 5 * BLOCK + 40;

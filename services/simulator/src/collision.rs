@@ -1,8 +1,10 @@
-//! Where a round robot on its arc first touches a wall, in closed form: it cannot tunnel.
+//! Where a round robot on its arc first touches a wall, or another robot, in closed form: it cannot
+//! tunnel.
 
 use nalgebra::{Isometry2, Point2, Vector2};
 
 use crate::arc::Arc;
+use crate::discs::Disc;
 use crate::geometry::{Wall, Walls};
 
 /// [m] Deeper than this into a wall is a contact, less is rounding.
@@ -18,9 +20,12 @@ const ROUNDING: f64 = 1e-14;
 const STRAIGHT: f64 = 1e-12;
 
 /// [-] Two crossings with each side of a wall and with each of its ends, and the path's own two ends.
-const STOPS: usize = 10;
+const WALL_STOPS: usize = 10;
 
-/// The robot's edge against the walls, over a run.
+/// [-] Two crossings with the edge of a disc, and the path's own two ends.
+const DISC_STOPS: usize = 4;
+
+/// The robot's edge against walls and other robots, over a run. Clearance is that to the walls.
 pub(crate) struct Contact {
     radius: f64,
     position: Point2<f64>,
@@ -45,15 +50,19 @@ impl Contact {
     }
 
     /// [-] The fraction of the arc that the robot gets; less than 1 is a contact.
-    pub(crate) fn limit(&mut self, arc: &Arc, walls: &Walls) -> f64 {
+    pub(crate) fn limit(&mut self, arc: &Arc, walls: &Walls, others: &[Disc]) -> f64 {
         // A detour is longer than the straight way, so nothing farther than the arc is long matters.
-        if self.clearance > arc.distance.abs() + TOUCH {
+        let reach = arc.distance.abs() + TOUCH;
+        let is_near = |clearance: f64| clearance <= reach;
+        let are_others_near = others.iter().any(|other| is_near(self.gap(other)));
+        if !is_near(self.clearance) && !are_others_near {
             return 1.0;
         }
         let path = Path::new(arc);
-        let contact = walls
-            .near(path.start, self.radius + path.length + TOUCH)
+        let near = walls.near(path.start, self.radius + path.length + TOUCH);
+        let contact = near
             .filter_map(|wall| path.first_contact(wall, self.radius))
+            .chain(others.iter().filter_map(|other| path.first_contact_with(other, self.radius)))
             .min_by(f64::total_cmp);
         if contact.is_some() && !self.touching {
             self.collisions += 1;
@@ -63,16 +72,30 @@ impl Contact {
     }
 
     /// Takes note of where the robot has come to.
-    pub(crate) fn arrive(&mut self, walls: &Walls, world_from_base: &Isometry2<f64>) {
+    pub(crate) fn arrive(
+        &mut self,
+        walls: &Walls,
+        others: &[Disc],
+        world_from_base: &Isometry2<f64>,
+    ) {
         let position = Point2::from(world_from_base.translation.vector);
         // No wall comes nearer by more than the robot has moved.
         let bound = self.clearance + self.radius + (position - self.position).norm() + TOUCH;
         self.clearance = walls.distance_within(position, bound) - self.radius;
         self.position = position;
         self.clearance_min = self.clearance_min.min(self.clearance);
-        if self.clearance > RELEASE {
+        if self.clearance > RELEASE && others.iter().all(|other| self.gap(other) > RELEASE) {
             self.touching = false;
         }
+    }
+
+    /// [m] Between the edges.
+    fn gap(&self, other: &Disc) -> f64 {
+        other.distance(self.position) - self.radius
+    }
+
+    pub(crate) fn radius(&self) -> f64 {
+        self.radius
     }
 
     pub(crate) fn clearance(&self) -> f64 {
@@ -120,7 +143,26 @@ impl<'a> Path<'a> {
 
     /// [-] The fraction of the path after which a disc of `radius` touches the wall, if it does.
     fn first_contact(&self, wall: &Wall, radius: f64) -> Option<f64> {
-        let distance = wall.distance(self.start);
+        let stops = || self.wall_stops(wall, radius);
+        self.enter(radius, |point| wall.distance(point), stops)
+    }
+
+    /// [-] The same with another disc that stands still.
+    fn first_contact_with(&self, other: &Disc, radius: f64) -> Option<f64> {
+        let meets = || self.meet_circle(other.centre, radius + other.radius);
+        let stops = || self.in_order::<DISC_STOPS>(&[meets()]);
+        self.enter(radius, |point| other.distance(point), stops)
+    }
+
+    /// [-] Where the path first comes nearer than `radius` to what is so far from a point; it may do
+    /// so at one of the `stops` only.
+    fn enter<const N: usize>(
+        &self,
+        radius: f64,
+        distance_from: impl Fn(Point2<f64>) -> f64,
+        stops: impl FnOnce() -> [f64; N],
+    ) -> Option<f64> {
+        let distance = distance_from(self.start);
         if distance > radius + self.length + TOUCH {
             return None;
         }
@@ -129,24 +171,26 @@ impl<'a> Path<'a> {
         // middle decides, and a graze or a start at contact needs no care. A robot that rounding put
         // into the wall may leave it but not go deeper.
         let deepest = (radius - TOUCH).min(distance - ROUNDING);
-        let stops = self.stops(wall, radius);
-        stops.windows(2).find_map(|stop| {
+        stops().windows(2).find_map(|stop| {
             let middle = self.arc.at(0.5 * (stop[0] + stop[1])).translation.vector;
-            (wall.distance(middle.into()) < deepest).then_some(stop[0])
+            (distance_from(middle.into()) < deepest).then_some(stop[0])
         })
     }
 
-    /// [-] The fractions of the path where the disc may begin or cease to touch the wall, in order,
-    /// with both ends of the path.
-    fn stops(&self, wall: &Wall, radius: f64) -> [f64; STOPS] {
+    /// [-] The fractions of the path where the disc may begin or cease to touch the wall.
+    fn wall_stops(&self, wall: &Wall, radius: f64) -> [f64; WALL_STOPS] {
         let along = (wall.b - wall.a).normalize();
         let normal = Vector2::new(-along.y, along.x);
         let (left, right) =
             (self.meet_line(wall.a, normal, radius), self.meet_line(wall.a, -normal, radius));
         let (a, b) = (self.meet_circle(wall.a, radius), self.meet_circle(wall.b, radius));
+        self.in_order(&[left, right, a, b])
+    }
 
-        let mut stops = [0.0; STOPS];
-        for (stop, u) in stops[2..].iter_mut().zip([left, right, a, b].into_iter().flatten()) {
+    /// [-] The fractions of the path at these `u` in order, with both ends of the path.
+    fn in_order<const N: usize>(&self, meets: &[[f64; 2]]) -> [f64; N] {
+        let mut stops = [0.0; N];
+        for (stop, &u) in stops[2..].iter_mut().zip(meets.as_flattened()) {
             *stop = self.fraction(u);
         }
         stops[1] = 1.0;
@@ -222,8 +266,8 @@ mod tests {
         let mut contact = Contact::new(RADIUS, walls, &start);
         for &(distance, turn) in way {
             let arc = Arc { world_from_base, distance, turn };
-            world_from_base = arc.at(contact.limit(&arc, walls));
-            contact.arrive(walls, &world_from_base);
+            world_from_base = arc.at(contact.limit(&arc, walls, &[]));
+            contact.arrive(walls, &[], &world_from_base);
         }
         (world_from_base, contact)
     }
@@ -332,6 +376,65 @@ mod tests {
                 // holds ours against the path itself.
                 (Some(_), None) => overlooked += 1,
                 (None, Some(theirs)) => panic!("SEED={SEED}: only parry hits {wall:?}: {theirs}"),
+            }
+        }
+        assert!(hits > 300 && overlooked < hits / 50, "SEED={SEED}: {hits} and {overlooked}");
+    }
+
+    /// The same with another robot in the wall's place.
+    fn random_meeting(random: &mut ChaCha8Rng) -> (Disc, Arc) {
+        let (wall, arc) = random_case(random);
+        let radius = 0.01 + 0.3 * f64::from(random.next_u32()) / f64::from(u32::MAX);
+        (Disc { centre: wall.a, radius }, arc)
+    }
+
+    #[test]
+    fn the_robot_touches_another_at_contact_and_nowhere_before() {
+        let mut random = ChaCha8Rng::seed_from_u64(SEED);
+        let (mut hits, mut misses) = (0, 0);
+        while hits + misses < 20_000 {
+            let (other, arc) = random_meeting(&mut random);
+            let distance = |fraction| other.distance(arc.at(fraction).translation.vector.into());
+            if distance(0.0) <= RADIUS {
+                continue;
+            }
+            let contact = Path::new(&arc).first_contact_with(&other, RADIUS);
+            let end = contact.unwrap_or(1.0);
+            let nearest =
+                (0..=200).map(|i| distance(end * f64::from(i) / 200.0)).fold(f64::MAX, f64::min);
+            assert!(nearest > RADIUS - 2e-9, "SEED={SEED}: nearest {nearest} of {other:?}");
+            match contact {
+                Some(_) => {
+                    let gap = distance(end) - RADIUS;
+                    assert!(gap.abs() < 1e-12, "SEED={SEED}: stopped {gap} m off {other:?}");
+                    hits += 1;
+                }
+                None => misses += 1,
+            }
+        }
+        assert!(hits > 1000 && misses > 1000, "SEED={SEED}: {hits} hits, {misses} misses");
+    }
+
+    #[test]
+    fn parry_agrees_where_robots_meet() {
+        let mut random = ChaCha8Rng::seed_from_u64(SEED);
+        let (mut hits, mut overlooked) = (0, 0);
+        for _ in 0..20_000 {
+            let (other, arc) = random_meeting(&mut random);
+            if arc.turn.abs() < 1e-3
+                || other.distance(arc.at(0.0).translation.vector.into()) <= RADIUS
+            {
+                continue;
+            }
+            let contact = Path::new(&arc).first_contact_with(&other, RADIUS);
+            match (contact, oracle::first_contact_with(&arc, RADIUS, &other)) {
+                (Some(ours), Some(theirs)) => {
+                    assert!((ours - theirs).abs() < 1e-6, "SEED={SEED}: {ours}, parry {theirs}");
+                    hits += 1;
+                }
+                (None, None) => {}
+                (Some(_), None) => overlooked += 1,
+                (None, Some(theirs)) => panic!("SEED={SEED}: only parry hits {other:?}: {theirs}"),
             }
         }
         assert!(hits > 300 && overlooked < hits / 50, "SEED={SEED}: {hits} and {overlooked}");

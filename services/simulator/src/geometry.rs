@@ -174,24 +174,47 @@ mod tests {
 
 #[cfg(test)]
 pub(crate) mod oracle {
+    use nalgebra::{Point2, Vector2};
     use parry2d_f64::math::Pose;
-    use parry2d_f64::query::{NonlinearRigidMotion, cast_shapes_nonlinear};
-    use parry2d_f64::shape::Ball;
+    use parry2d_f64::query::{NonlinearRigidMotion, RayCast, cast_shapes_nonlinear};
+    use parry2d_f64::shape::{Ball, Shape};
 
-    use super::{Segment, Vector, Wall};
+    use super::{Ray, Segment, Vector, Wall};
     use crate::arc::Arc;
+    use crate::discs::Disc;
+
+    /// [m] How far parry sees a ray get that meets the disc within `reach`.
+    pub(crate) fn meet(
+        disc: &Disc,
+        origin: Point2<f64>,
+        direction: Vector2<f64>,
+        reach: f64,
+    ) -> Option<f64> {
+        let pose = Pose::new(disc.centre.into(), 0.0);
+        let ray = Ray::new(Vector::from(origin), Vector::from(direction));
+        Ball::new(disc.radius).cast_ray(&pose, &ray, reach, true)
+    }
 
     /// [-] The fraction of the arc after which parry sees a disc of `radius` touch the wall.
     pub(crate) fn first_contact(arc: &Arc, radius: f64, wall: &Wall) -> Option<f64> {
+        let segment = Segment::new(wall.a.into(), wall.b.into());
+        contact(arc, radius, &segment, Pose::IDENTITY)
+    }
+
+    /// [-] The same of another disc.
+    pub(crate) fn first_contact_with(arc: &Arc, radius: f64, other: &Disc) -> Option<f64> {
+        contact(arc, radius, &Ball::new(other.radius), Pose::new(other.centre.into(), 0.0))
+    }
+
+    fn contact(arc: &Arc, radius: f64, other: &dyn Shape, place: Pose) -> Option<f64> {
         let base = arc.world_from_base;
         let pose = Pose::new(base.translation.vector.into(), base.rotation.angle());
         // The disc turns about the centre of its circle, one period being the unit of time.
         let centre = Vector::new(0.0, arc.distance / arc.turn);
         let motion = NonlinearRigidMotion::new(pose, centre, Vector::ZERO, arc.turn);
-        let rest = NonlinearRigidMotion::constant_position(Pose::IDENTITY);
-        let segment = Segment::new(wall.a.into(), wall.b.into());
-        cast_shapes_nonlinear(&motion, &Ball::new(radius), &rest, &segment, 0.0, 1.0, false)
-            .expect("parry casts discs against segments")
+        let rest = NonlinearRigidMotion::constant_position(place);
+        cast_shapes_nonlinear(&motion, &Ball::new(radius), &rest, other, 0.0, 1.0, false)
+            .expect("parry casts discs against these")
             .map(|hit| hit.time_of_impact)
     }
 }

@@ -8,6 +8,8 @@
 mod arc;
 mod collision;
 mod config;
+mod crowd;
+mod discs;
 mod drive;
 mod estimate;
 mod geometry;
@@ -24,6 +26,7 @@ use interfaces::{JointState, LaserScan, Pose, Stamp};
 use nalgebra::Isometry2;
 
 pub use config::{Config, ConfigError, LidarConfig};
+pub use crowd::{Crowd, Overlap};
 pub use drive::WheelLimit;
 pub use estimate::PoseError;
 pub use noise::Noise;
@@ -34,6 +37,7 @@ pub use world::{Block, Segment, Start, World, WorldError};
 
 use arc::Arc;
 use collision::Contact;
+use discs::Disc;
 use drive::Drive;
 use geometry::Walls;
 use lidar::Lidar;
@@ -46,6 +50,8 @@ pub struct Simulator {
     heading_tolerance: f64,
 
     walls: Walls,
+    /// Other robots, where there are some.
+    others: Vec<Disc>,
     drive: Drive,
     lidar: Lidar,
     contact: Contact,
@@ -77,6 +83,7 @@ impl Simulator {
             contact: Contact::new(config.robot_radius_m, &walls, &world_from_base),
             progress: Progress::new(start),
             walls,
+            others: Vec::new(),
             world_from_base,
             steps: 0,
             distance: 0.0,
@@ -87,16 +94,16 @@ impl Simulator {
     /// Drives for one step.
     ///
     /// `linear` [m/s] and `angular` [rad/s] are what the wheels shall do; the wheel limit decides
-    /// what they do. Where a wall is in the way the robot stops at contact, heading included, and
+    /// what they do. Where a wall or another robot is in the way it stops at contact, heading included, and
     /// the wheels slip: their encoders go on counting.
     pub fn step(&mut self, linear: f64, angular: f64) {
         self.drive.command(linear, angular);
         let (distance, turn) = self.drive.advance();
         let arc = Arc { world_from_base: self.world_from_base, distance, turn };
 
-        let fraction = self.contact.limit(&arc, &self.walls);
+        let fraction = self.contact.limit(&arc, &self.walls, &self.others);
         self.world_from_base = arc.at(fraction);
-        self.contact.arrive(&self.walls, &self.world_from_base);
+        self.contact.arrive(&self.walls, &self.others, &self.world_from_base);
 
         self.distance += distance.abs() * fraction;
         self.steps += 1;
@@ -109,17 +116,29 @@ impl Simulator {
         self.drive.fill(joint_state);
     }
 
+    /// From now on other robots are there.
+    pub(crate) fn meet(&mut self, others: impl Iterator<Item = Disc>) {
+        self.others.clear();
+        self.others.extend(others);
+    }
+
+    /// The robot, as others meet it.
+    pub(crate) fn disc(&self) -> Disc {
+        let centre = self.world_from_base.translation.vector.into();
+        Disc { centre, radius: self.contact.radius() }
+    }
+
     /// Turns the LiDAR once. Every call draws fresh noise.
     pub fn sense(&mut self, scan: &mut LaserScan) {
         scan.header.stamp = self.time();
-        self.lidar.sense(&self.walls, &self.world_from_base, scan);
+        self.lidar.sense(&self.walls, &self.others, &self.world_from_base, scan);
     }
 
     /// [m] One beam from where the LiDAR is, `angle` [rad] counterclockwise from straight ahead, with
-    /// the noise of a beam: infinity where there is no wall in range, NaN where it fails. For a
+    /// the noise of a beam: infinity where there is nothing in range, NaN where it fails. For a
     /// LiDAR that measures beam by beam while the robot moves.
     pub fn range(&mut self, angle: f64) -> f64 {
-        self.lidar.range(&self.walls, &self.world_from_base, angle)
+        self.lidar.range(&self.walls, &self.others, &self.world_from_base, angle)
     }
 
     /// Holds somebody's estimate, in the world's frame, against the truth, and remembers whether it
@@ -176,7 +195,7 @@ impl Simulator {
         self.contact.clearance_min()
     }
 
-    /// [-] How often the robot ran into a wall; pushing on does not count again.
+    /// [-] How often the robot ran into a wall or another robot; pushing on does not count again.
     pub fn collisions(&self) -> u64 {
         self.contact.collisions()
     }

@@ -6,6 +6,7 @@ use fearless_simd::dispatch;
 use interfaces::LaserScan;
 use nalgebra::{Isometry2, Vector2};
 
+use crate::discs::{Beams, Disc};
 use crate::geometry::Walls;
 use crate::noise::RangeNoise;
 use crate::raster::{Eye, Raster};
@@ -22,6 +23,7 @@ pub(crate) struct Lidar {
     period: f64,
     base_from_scan: Isometry2<f64>,
     raster: Raster,
+    beams: Beams,
     /// [m] How far a beam is followed.
     reach: f64,
     noise: RangeNoise,
@@ -36,6 +38,7 @@ impl Lidar {
             period: config.dt_s,
             base_from_scan: Isometry2::translation(lidar.sensor_x_m, 0.0),
             raster: Raster::new(lidar.beams, reach),
+            beams: Beams::new(lidar.beams),
             reach,
             noise: RangeNoise::new(lidar.noise, config.seed),
         }
@@ -46,12 +49,14 @@ impl Lidar {
     pub(crate) fn sense(
         &mut self,
         walls: &Walls,
+        others: &[Disc],
         world_from_base: &Isometry2<f64>,
         scan: &mut LaserScan,
     ) {
         self.describe(scan);
         let world_from_scan = world_from_base * self.base_from_scan;
         walls.grid().cast(&mut self.raster, &Eye::new(&world_from_scan), scan.ranges_mut());
+        self.beams.cast(others, &world_from_scan, self.reach, scan.ranges_mut());
 
         let (range_min, range_max) = (scan.range_min, scan.range_max);
         if !self.noise.is_ideal() {
@@ -79,6 +84,7 @@ impl Lidar {
     pub(crate) fn range(
         &mut self,
         walls: &Walls,
+        others: &[Disc],
         world_from_base: &Isometry2<f64>,
         angle: f64,
     ) -> f64 {
@@ -86,7 +92,10 @@ impl Lidar {
         let (sin, cos) = libm::sincos(angle);
         let origin = world_from_scan.translation.vector.into();
         let direction = world_from_scan.rotation * Vector2::new(cos, sin);
-        self.noise.measure(walls.cast(origin, direction, self.reach).unwrap_or(f64::INFINITY))
+        let by_wall = walls.cast(origin, direction, self.reach);
+        let by_others = others.iter().filter_map(|other| other.meet(origin, direction));
+        let ranges = by_wall.into_iter().chain(by_others.filter(|&range| range <= self.reach));
+        self.noise.measure(ranges.fold(f64::INFINITY, f64::min))
     }
 }
 
@@ -137,7 +146,7 @@ mod tests {
         let mut scan = LaserScan::default();
         // What was measured before must not be seen.
         scan.range[..config.lidar.beams].fill(9.0);
-        Lidar::new(&config).sense(&Walls::new(world.walls()), world_from_base, &mut scan);
+        Lidar::new(&config).sense(&Walls::new(world.walls()), &[], world_from_base, &mut scan);
         scan
     }
 
@@ -234,7 +243,7 @@ mod tests {
             let angle = beam as f64 * TAU / 240.0;
             // Whole turns do not matter.
             for angle in [angle, angle - TAU] {
-                let single = lidar.range(&walls, &world_from_base, angle);
+                let single = lidar.range(&walls, &[], &world_from_base, angle);
                 assert!((single - f64::from(range)).abs() < 1e-5, "beam {beam}: {single} {range}");
             }
         }

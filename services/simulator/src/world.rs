@@ -208,6 +208,15 @@ impl Segment {
 }
 
 impl Start {
+    /// The rest of the corridor, from this cell on, as a start of its own that looks ahead. `None` where
+    /// there is no cell after it.
+    pub fn from_cell(&self, cell: usize) -> Option<Self> {
+        let corridor_m = self.corridor_m.get(cell..)?.to_vec();
+        let &[[x_m, y_m], [next_x, next_y], ..] = corridor_m.as_slice() else { return None };
+        let yaw_rad = libm::atan2(next_y - y_m, next_x - x_m);
+        Some(Self { x_m, y_m, yaw_rad, cell_size_m: self.cell_size_m, corridor_m })
+    }
+
     fn validate(&self, name: &str) -> Result<(), WorldError> {
         let item = || item("start", name);
         finite(item, "x_m", self.x_m)?;
@@ -507,6 +516,22 @@ mod tests {
             assert_eq!(problem(&text, "here").as_deref(), Some(message), "{wrong}");
         }
         assert_eq!(problem("", "here").as_deref(), Some("the world has no `box` and no `segment`"));
+    }
+
+    #[test]
+    fn a_robot_can_start_at_any_cell_that_has_one_after_it() {
+        let corridor_m = vec![[0.0, 0.0], [0.4, 0.0], [0.4, -0.4]];
+        let start = Start { x_m: 0.1, y_m: 0.0, yaw_rad: 1.0, cell_size_m: 0.4, corridor_m };
+        let second = Start {
+            x_m: 0.4,
+            y_m: 0.0,
+            yaw_rad: -std::f64::consts::FRAC_PI_2,
+            cell_size_m: 0.4,
+            corridor_m: vec![[0.4, 0.0], [0.4, -0.4]],
+        };
+        assert_eq!(second.validate("second"), Ok(()));
+        let table = [Some(second), None, None];
+        assert_eq!([1, 2, 3].map(|cell| start.from_cell(cell)), table);
     }
 
     #[test]
