@@ -43,8 +43,11 @@ pub(crate) fn write(figures: &[Figure], text: &mut String) {
     if !advice.is_empty() {
         text.push_str("\nrecommended here: `wait` and `cpu_affinity` of the launch file\n");
     }
-    for line in advice {
+    for line in &advice {
         let _ = writeln!(text, "  {line}");
+    }
+    if advice.iter().any(|line| line.contains("two cores")) {
+        text.push_str("  two cores: the simulator on one, odometry and controller on another\n");
     }
 }
 

@@ -9,10 +9,9 @@ use node::{Error, Namespace, Result, clock};
 
 use crate::Effort;
 use crate::chain::summed;
-use crate::hop::Place;
 use crate::measured::{Unit, Values};
 use crate::peers::own;
-use crate::robot::{Running, WORLD, end, failed, processor_time, remove, write};
+use crate::robot::{Cores, Running, WORLD, end, failed, processor_time, remove, write};
 
 /// A robot with either LiDAR, at the rates that board and LiDAR have.
 #[derive(Debug, Clone, Copy)]
@@ -70,7 +69,7 @@ impl Bridge {
         let body = Body::start(&format!("{name}-body"), self.lidar)?;
         let launch = body.launch_file(&name, (SETTLE + window).as_secs_f64());
         let files = [("launch.toml", &*launch), ("controller.toml", CONTROLLER)];
-        let running = Running::start(&name, &files, Place::Across)?;
+        let running = Running::start(&name, &files, Cores::Any)?;
         clock::nap(SETTLE);
         let bridge = running.processes().into_iter().find(|(name, _)| name == "turtlebot3");
         let bridge = bridge.map_or(0, |(_, process)| process);

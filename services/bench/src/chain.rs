@@ -4,9 +4,8 @@ use node::{Error, Namespace, Result, Wait};
 use serde_json::Value;
 
 use crate::Effort;
-use crate::hop::Place;
 use crate::measured::Values;
-use crate::robot::Robot;
+use crate::robot::{Cores, Robot};
 
 /// [Hz] The lab's, a fast LiDAR's, and as fast as anybody drives.
 const RATES: [u32; 3] = [20, 100, 1000];
@@ -21,17 +20,18 @@ pub(crate) struct Chain {
 /// Every rate, way to wait and place.
 pub(crate) fn configurations() -> Vec<Chain> {
     let settings = [
-        (Wait::Block, Place::Across),
-        (Wait::Block, Place::One),
-        (Wait::Hybrid, Place::Across),
-        (Wait::Yield, Place::Across),
-        (Wait::Yield, Place::One),
-        (Wait::Poll, Place::Across),
+        (Wait::Block, Cores::Any),
+        (Wait::Block, Cores::One),
+        (Wait::Hybrid, Cores::Any),
+        (Wait::Yield, Cores::Any),
+        (Wait::Yield, Cores::One),
+        (Wait::Yield, Cores::Two),
+        (Wait::Poll, Cores::Any),
     ];
     let chains = RATES.map(|rate| {
-        settings.map(|(wait, place)| {
+        settings.map(|(wait, cores)| {
             let robot =
-                Robot { wait, place, rate: Some(rate), length_s: 2.0, beams: 240, more_walls: 0 };
+                Robot { wait, cores, rate: Some(rate), length_s: 2.0, beams: 240, more_walls: 0 };
             Chain { robot, rate }
         })
     });

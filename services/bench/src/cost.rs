@@ -5,9 +5,8 @@ use std::time::Duration;
 use node::{Error, Namespace, Result, Wait, clock};
 
 use crate::Effort;
-use crate::hop::Place;
 use crate::measured::{Unit, Values};
-use crate::robot::{Robot, processor_time};
+use crate::robot::{Cores, Robot, processor_time};
 
 /// A robot at the lab's 20 Hz, by how it waits.
 #[derive(Debug, Clone, Copy)]
@@ -31,7 +30,7 @@ const PROCESSES: [&str; 4] = ["supervisor", "odometry", "controller", "simulator
 pub(crate) fn configurations() -> Vec<Cost> {
     let robot = |wait| Robot {
         wait,
-        place: Place::Across,
+        cores: Cores::Any,
         rate: Some(RATE),
         length_s: 4.0,
         beams: 240,

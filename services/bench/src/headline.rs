@@ -190,11 +190,13 @@ fn whole_loop() -> Vec<Goal> {
     vec![
         goal("block, any core", "20 Hz", "40 Hz", 1.3),
         goal("block, any core", "1000 Hz", "1 kHz", 1.3),
-        // Whichever of the two placements is the better one here.
+        // Whichever placement is the best one here.
         goal("yield, any core", "20 Hz", "40 Hz", 0.3),
         goal("yield, one core", "20 Hz", "40 Hz", 0.3),
+        goal("yield, two cores", "20 Hz", "40 Hz", 0.3),
         goal("yield, any core", "1000 Hz", "1 kHz", 0.3),
         goal("yield, one core", "1000 Hz", "1 kHz", 0.3),
+        goal("yield, two cores", "1000 Hz", "1 kHz", 0.3),
     ]
 }
 

@@ -5,9 +5,8 @@ use std::fmt::Write;
 use interfaces::BEAMS_MAX;
 use node::{Error, Namespace, Result, Wait};
 
-use crate::hop::Place;
 use crate::measured::{Unit, Values};
-use crate::robot::Robot;
+use crate::robot::{Cores, Robot};
 use crate::{Course, Drive, Driven, Effort};
 
 /// Robots in a world each, all at once: a process is in one namespace, and a robot has one of its own.
@@ -39,7 +38,7 @@ const QUICK_S: f64 = 20.0;
 pub(crate) fn configurations() -> Vec<Lockstep> {
     let robot = Robot {
         wait: Wait::Yield,
-        place: Place::One,
+        cores: Cores::One,
         rate: None,
         length_s: LENGTH_S,
         beams: BEAMS,
@@ -47,14 +46,15 @@ pub(crate) fn configurations() -> Vec<Lockstep> {
     };
     let with = |robot| Lockstep { robot, robots: 1 };
     let settings = [
-        (Wait::Yield, Place::One),
-        (Wait::Yield, Place::Across),
-        (Wait::Block, Place::One),
-        (Wait::Block, Place::Across),
-        (Wait::Hybrid, Place::Across),
+        (Wait::Yield, Cores::One),
+        (Wait::Yield, Cores::Any),
+        (Wait::Yield, Cores::Two),
+        (Wait::Block, Cores::One),
+        (Wait::Block, Cores::Any),
+        (Wait::Hybrid, Cores::Any),
     ];
-    let mut all: Vec<_> = settings.map(|(wait, place)| with(Robot { wait, place, ..robot })).into();
-    let usual = Robot { place: Place::Across, ..robot };
+    let mut all: Vec<_> = settings.map(|(wait, cores)| with(Robot { wait, cores, ..robot })).into();
+    let usual = Robot { cores: Cores::Any, ..robot };
     let others = ROW_OF_BEAMS.into_iter().filter(|&beams| beams != BEAMS);
     all.extend(others.map(|beams| with(Robot { beams, ..usual })));
     all.extend(ROW_OF_WALLS.map(|more_walls| with(Robot { more_walls, ..usual })));

@@ -12,8 +12,7 @@ use rustix::process::{Pid, Signal};
 use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 use serde_json::Value;
 
-use crate::hop::Place;
-use crate::peers::own;
+use crate::peers::{cores, own};
 
 /// The lab's maze, and its wall follower.
 pub(crate) const WORLD: &str = include_str!("../../../config/worlds/lab02.toml");
@@ -23,8 +22,7 @@ const CONTROLLER: &str = include_str!("../../../config/controller/lab_simulation
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Robot {
     pub(crate) wait: Wait,
-    /// Where all its processes run; [`Place::Across`] leaves it to the kernel.
-    pub(crate) place: Place,
+    pub(crate) cores: Cores,
     /// [Hz] Of the measurements in real time; lock-step where there is none.
     pub(crate) rate: Option<u32>,
     /// [s] Of the robot's own time.
@@ -33,6 +31,17 @@ pub(crate) struct Robot {
     pub(crate) beams: usize,
     /// [-] Walls that stand around the maze.
     pub(crate) more_walls: usize,
+}
+
+/// Where a robot's processes run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Cores {
+    /// Where the kernel likes.
+    Any,
+    /// All on one.
+    One,
+    /// The simulator on one, odometry and controller on another, and the pairing where the kernel likes.
+    Two,
 }
 
 /// What a run has left.
@@ -60,11 +69,12 @@ pub(crate) struct Running {
 impl Robot {
     /// How it waits and where it runs.
     pub(crate) fn setting(&self) -> String {
-        let place = match self.place {
-            Place::Across => "any core",
-            Place::One => "one core",
+        let cores = match self.cores {
+            Cores::Any => "any core",
+            Cores::One => "one core",
+            Cores::Two => "two cores",
         };
-        format!("{}, {place}", self.wait.label())
+        format!("{}, {cores}", self.wait.label())
     }
 
     /// Starts it beside `namespace`, as the robot with this number.
@@ -75,7 +85,7 @@ impl Robot {
             ("controller.toml", CONTROLLER),
             ("launch.toml", &self.launch(&name)),
         ];
-        Running::start(&name, &files, self.place)
+        Running::start(&name, &files, self.cores)
     }
 
     fn launch(&self, name: &str) -> String {
@@ -83,12 +93,17 @@ impl Robot {
         let clock = if self.rate.is_some() { "realtime" } else { "lockstep" };
         // In real time a scan belongs to the odometry of its own period.
         let slop_ms = if self.rate.is_some() { period_s * 400.0 } else { 10_000.0 };
+        let keep_to = |which: usize| match self.cores {
+            Cores::Two => format!("cpu_affinity = [{}]\n", cores()[which % cores().len()]),
+            Cores::Any | Cores::One => String::new(),
+        };
+        let (first, second) = (keep_to(0), keep_to(1));
         format!(
             "robot = \"{name}\"\nclock = \"{clock}\"\nseed = 1\nfor_s = {}\nwait = \"{}\"\n\n\
              [pairing]\nslop_ms = {slop_ms}\nmax_age_ms = 10000.0\n\n\
-             [[process]]\nname = \"odometry\"\n\n[process.parameters]\nsource = \"wheels\"\n\n\
-             [[process]]\nname = \"controller\"\nparameters_file = \"controller.toml\"\n\n\
-             [[process]]\nname = \"simulator\"\n\n[process.parameters]\nworld = \"world.toml\"\n\
+             [[process]]\nname = \"odometry\"\n{second}\n[process.parameters]\nsource = \"wheels\"\n\n\
+             [[process]]\nname = \"controller\"\n{second}parameters_file = \"controller.toml\"\n\n\
+             [[process]]\nname = \"simulator\"\n{first}\n[process.parameters]\nworld = \"world.toml\"\n\
              start = \"outer\"\ndt_s = {period_s}\nstop_at_collision = false\nlidar.beams = {}\n",
             self.length_s,
             self.wait.label(),
@@ -114,7 +129,7 @@ impl Robot {
 
 impl Running {
     /// Starts the robot of this name from these files, of which one is `launch.toml`.
-    pub(crate) fn start(name: &str, files: &[(&str, &str)], place: Place) -> Result<Self> {
+    pub(crate) fn start(name: &str, files: &[(&str, &str)], cores: Cores) -> Result<Self> {
         let namespace = Namespace::new(name)?;
         let directory = write(name, files)?;
         let said = directory.join("said");
@@ -126,7 +141,7 @@ impl Running {
         command.stdin(Stdio::null()).stdout(output).stderr(error);
         // What this process may use when it starts another is what that one may use.
         let everywhere = sched_getaffinity(None).map_err(unpinned)?;
-        if place == Place::One {
+        if cores == Cores::One {
             let mut one = CpuSet::new();
             one.set((0..CpuSet::MAX_CPU).find(|&core| everywhere.is_set(core)).unwrap_or_default());
             sched_setaffinity(None, &one).map_err(unpinned)?;
