@@ -9,11 +9,13 @@ mod help;
 mod map;
 mod page;
 mod show;
+mod typed;
 mod verb;
 
 use std::process::ExitCode;
 
 use clap::Parser;
+use node::say;
 use verb::Verb;
 
 /// What somebody types first.
@@ -28,14 +30,14 @@ const EXAMPLES: &str = "Examples:
 /// Without a verb: `up config/simulation.toml --until round-trip`; on a terminal in real time, with
 /// the live screen.
 #[derive(Parser)]
-#[command(name = "teseo", version, after_help = EXAMPLES)]
+#[command(name = "teseo", version, after_help = EXAMPLES, max_term_width = say::WIDTH)]
 struct Command {
     #[command(subcommand)]
     verb: Option<Verb>,
 }
 
 fn main() -> ExitCode {
-    let verb = Command::parse().verb.or_else(|| Command::parse_from(main_job()).verb);
+    let verb = typed::command().verb.or_else(|| Command::parse_from(main_job()).verb);
     verb.unwrap_or_else(|| unreachable!("the main job is a verb")).run()
 }
 

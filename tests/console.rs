@@ -179,6 +179,40 @@ fn rate_bandwidth_and_age_are_those_of_the_topic() {
 }
 
 #[test]
+fn words_and_options_of_ros_2_are_understood() {
+    let robot = Robot::new();
+    let run = realtime(&robot);
+
+    said(&robot, &["topic", "list", "-t", "-v"]).assert_says(&["LaserScan"]);
+    said(&robot, &["topic", "info", "/scan", "-v"]).assert_says(&["LaserScan"]);
+    let count: usize = said(&robot, &["topic", "list", "-c"]).out.trim().parse().unwrap();
+    assert!(6 < count, "{count}");
+    assert_eq!(said(&robot, &["topic", "type", "/odom"]).out, "Odometry\n");
+    assert_eq!(said(&robot, &["topic", "find", "sensor_msgs/msg/LaserScan"]).out, "scan\n");
+    said(&robot, &["topic", "hz", "/scan", "-w", "5", "--once"]).assert_says(&["Hz"]);
+    said(&robot, &["node", "info", "/controller"]).assert_says(&["cmd_vel"]);
+    assert_eq!(said(&robot, &["node", "list", "-a", "-c"]).out, "4\n");
+    assert_eq!(
+        said(&robot, &["lifecycle", "nodes"]).out,
+        "pairing\nsimulator\nodometry\ncontroller\n"
+    );
+    assert_eq!(said(&robot, &["lifecycle", "get", "/controller"]).out, "active [3]\n");
+    said(&robot, &["restart", "/controller"]).assert_says(&["controller is active again"]);
+    for (options, sent) in [
+        (&["-1"][..], "sent 1 on pose"),
+        (&["--once", "-r", "50"], "sent 1 on pose"),
+        (&["-t", "3", "-r", "50"], "sent 3 on pose"),
+        (&["--times", "2"], "sent 2 on pose"),
+    ] {
+        let words = [&["topic", "pub", "/pose", "x=1"], options].concat();
+        said(&robot, &words).assert_says(&[sent]);
+    }
+    let full = said(&robot, &["topic", "echo", "/scan", "-f", "--once"]);
+    assert!(row(&full, "range").len() > 240 && !full.out.contains("in all"), "{}", full.story());
+    run.stop();
+}
+
+#[test]
 fn one_publishes_where_nobody_does_and_is_told_who_does_where_not() {
     let robot = Robot::new();
     let run = realtime(&robot);
@@ -200,7 +234,7 @@ fn one_publishes_where_nobody_does_and_is_told_who_does_where_not() {
     }
     // One who is down comes back, and would not be believed after us.
     said(&robot, &["lifecycle", "set", "controller", "shutdown"]);
-    refused(&robot, &["topic", "pub", "cmd_vel"], 1, "that is controller (down)");
+    refused(&robot, &["topic", "pub", "cmd_vel"], 1, "that is controller (finalized)");
     run.stop();
 }
 
@@ -233,12 +267,16 @@ fn nodes_are_shown_and_moved_by_their_supervisor() {
         said(&robot, &["lifecycle", "list", "controller"]).out,
         "shutdown  active -> finalized\n"
     );
-    refused(&robot, &["lifecycle", "set", "controller", "deactivate"], 1, "active or down");
+    refused(&robot, &["lifecycle", "set", "controller", "deactivate"], 1, "active or finalized");
     refused(&robot, &["lifecycle", "set", "controller", "start"], 1, "there is no transition");
     refused(&robot, &["node", "info", "contrller"], 1, "did you mean `controller`?");
 
-    said(&robot, &["lifecycle", "set", "controller", "shutdown"]).assert_says(&["is stopped"]);
-    assert_eq!(row(&said(&robot, &["node", "list"]), "controller")[1], "down");
+    said(&robot, &["lifecycle", "set", "controller", "shutdown"]).assert_says(&["is finalized"]);
+    for verb in [&["node", "list"][..], &["status"], &["lifecycle", "get"]] {
+        assert_eq!(row(&robot.start(verb).wait(), "controller")[1], "finalized", "{verb:?}");
+    }
+    said(&robot, &["graph"]).assert_says(&["controller (finalized)"]);
+    said(&robot, &["why", "controller"]).assert_says(&["controller is finalized"]);
     said(&robot, &["lifecycle", "set", "controller", "activate"]).assert_says(&["is active"]);
     assert_eq!(said(&robot, &["lifecycle", "get", "controller"]).out, "active [3]\n");
     run.stop();
@@ -327,6 +365,80 @@ fn in_lock_step_everything_is_shown_and_nothing_is_changed() {
     refused(&robot, &speed, 1, "in lock-step nothing is changed");
     let seen = run.wait();
     assert_eq!(seen.digest(), unseen.digest(), "SEED=1\n{}", seen.story());
+}
+
+#[test]
+fn what_is_wrong_is_told_in_lines_that_a_terminal_has_room_for() {
+    let robot = Robot::new();
+    let run = realtime(&robot);
+    for words in [
+        "tpoic list",
+        "topic lst",
+        "topic echo",
+        "topic echo nothing --once",
+        "topic echo scan --field nothing",
+        "topic echo controller/status --field nothing",
+        "topic hz scan -w 1",
+        "topic info controller/nothing",
+        "topic find Nothing",
+        "topic pub nothing x=1",
+        "topic pub cmd_vel linear=1",
+        "topic pub teleop_cmd_vel linear=1",
+        "topic pub controller/status",
+        "topic pub pose geometry_msgs/msg/Pose",
+        "topic pub pose nothing=1",
+        "node info nothing",
+        "lifecycle get nothing",
+        "lifecycle set controller nothing",
+        "lifecycle set controller configure",
+        "param list nothing",
+        "param get controller nothing",
+        "param get controller wall_following.nothing",
+        "param get controller speed_m_s",
+        "param set controller wall_following.speed_m_s 9",
+        "param set controller wall_following.speed_m_s fast",
+        "param set controller algorithm nothing",
+        "param set controller input_age_max_s 1",
+        "param set simulator deadman.emergency_angular_deceleration_rad_s2 1",
+        "param load controller nothing.toml",
+        "man nothing",
+        "why nothing",
+        "restart nothing",
+        "logs nothing",
+        "arm --robot nothing",
+        "view --robot nothing",
+        "report nothing",
+        "check nothing.toml",
+        "up nothing.toml",
+        "up --set simulator.lidar.nose=gazebo",
+        "up --set nothing=1",
+        "emulate nothing",
+        "bench nothing",
+    ] {
+        let ended = robot.start(&words.split(' ').collect::<Vec<_>>()).wait();
+        assert_ne!(ended.code, 0, "{}", ended.story());
+        assert!(!ended.err.is_empty(), "`{words}` says nothing\n{}", ended.story());
+        for line in ended.err.lines().chain(ended.out.lines()) {
+            assert!(line.chars().count() <= 100, "`{words}`: {line}");
+        }
+    }
+    run.stop();
+}
+
+#[test]
+fn a_wrong_verb_is_answered_with_what_was_probably_meant() {
+    let robot = Robot::new();
+    for (words, meant) in [
+        (&["topics"][..], "subcommand exists: 'topic'"),
+        (&["topic", "ehco"], "subcommand exists: 'echo'"),
+        (&["param", "discribe"], "subcommand exists: 'describe'"),
+        (&["rviz2"], "here that is `teseo view`"),
+        (&["interface"], "here that is `teseo topic info TOPIC`"),
+    ] {
+        refused(&robot, words, 2, meant);
+    }
+    let odd = robot.start(&["pause"]).wait();
+    assert!(!odd.story().contains("tip:"), "{}", odd.story());
 }
 
 #[test]

@@ -302,7 +302,7 @@ fn the_verbs_see_and_steer_a_running_robot() {
     verb(&robot, &["restart", "odometry"], 0);
     assert_ne!(run.node("odometry"), odometry, "{}", run.output());
     verb(&robot, &["stop", "controller"], 0);
-    verb(&robot, &["status"], 1).assert_says(&["controller", "stopped"]);
+    verb(&robot, &["status"], 1).assert_says(&["controller", "finalized"]);
     verb(&robot, &["start", "controller"], 0);
     run.node("controller").signal(Signal::KILL);
     let run = run.await_count("failed: was killed", 1).await_count("READY", 4);

@@ -89,7 +89,7 @@ impl Graph {
         let mut processes: Vec<_> = robot
             .nodes
             .iter()
-            .map(|node| Process { name: node.name.clone(), state: node.stands().to_owned() })
+            .map(|node| Process { name: node.name.clone(), state: node.state.clone() })
             .collect();
         let mut order = Vec::new();
         for node in robot.nodes.iter().filter(|node| node.is_alive) {

@@ -15,7 +15,7 @@ mod topic;
 
 use std::process::ExitCode;
 
-use clap::{Args, Subcommand};
+use clap::{Arg, ArgAction, Args, Subcommand};
 use node::Namespace;
 use node::control::{self, Failure};
 use node::say;
@@ -78,6 +78,11 @@ impl Verb {
             }
         }
     }
+}
+
+/// An option of ROS 2 that changes nothing here: what it asks for is always so.
+fn understood(short: char, long: &'static str) -> Arg {
+    Arg::new(long).short(short).long(long).action(ArgAction::SetTrue).hide(true)
 }
 
 /// What the transport refuses, as the end of a verb.

@@ -3,11 +3,11 @@
 use clap::{Args, Subcommand};
 use interfaces::{State, Transition};
 use node::config::suggestion;
-use node::control::Failure;
+use node::control::{self, Failure};
 use node::say::say;
 
 use crate::robot::Node;
-use crate::{Steer, Which};
+use crate::{Steer, Which, understood};
 
 /// A verb about where nodes stand.
 #[derive(Debug, Args)]
@@ -19,30 +19,42 @@ pub struct Lifecycle {
 /// What there is to be asked.
 #[derive(Debug, Subcommand)]
 enum Verb {
+    /// List the nodes that have a lifecycle, which all have
+    #[command(after_help = "Example:\n  teseo lifecycle nodes", arg = understood('a', "all"))]
+    Nodes {
+        #[command(flatten)]
+        robot: Which,
+        /// Print only how many there are
+        #[arg(short, long = "count-nodes")]
+        count: bool,
+    },
     /// Say where a node stands
     #[command(after_help = "Example:\n  teseo lifecycle get controller")]
     Get {
         #[command(flatten)]
         robot: Which,
         /// The node [default: all]
+        #[arg(value_parser = control::node_name)]
         node: Option<String>,
     },
-    /// Have the supervisor move a node: `activate` one that is down, `shutdown` one that is up
+    /// Have the supervisor move a node: `activate` one that is finalized, `shutdown` another
     #[command(after_help = "Example:\n  teseo lifecycle set controller shutdown")]
     Set {
         #[command(flatten)]
         robot: Which,
         /// The node
+        #[arg(value_parser = control::node_name)]
         node: String,
         /// ROS 2's word for the transition
         transition: String,
     },
     /// List the transitions that a node can be asked for now
-    #[command(after_help = "Example:\n  teseo lifecycle list controller")]
+    #[command(after_help = "Example:\n  teseo lifecycle list controller", arg = understood('a', "all"))]
     List {
         #[command(flatten)]
         robot: Which,
         /// The node
+        #[arg(value_parser = control::node_name)]
         node: String,
     },
 }
@@ -59,6 +71,11 @@ const WORDS: [Transition; 5] = [
 impl Lifecycle {
     pub(crate) fn carry_out(&self, steer: Steer) -> Result<u8, Failure> {
         match &self.verb {
+            Verb::Nodes { robot, count } => {
+                let nodes = robot.find()?.nodes;
+                let names: Vec<_> = nodes.iter().map(|node| node.name.as_str()).collect();
+                say(&if *count { names.len().to_string() } else { names.join("\n") })?;
+            }
             Verb::Get { robot, node: Some(name) } => say(&state(robot.find()?.node(name)?))?,
             Verb::Get { robot, node: None } => {
                 let robot = robot.find()?;
@@ -75,8 +92,7 @@ impl Lifecycle {
                 let robot = robot.find()?;
                 let node = robot.node(node)?;
                 let transition = possible(node);
-                let goal = if transition == Transition::Activate { "active" } else { "finalized" };
-                say(&format!("{transition}  {} -> {goal}", node.stands()))?;
+                say(&format!("{transition}  {} -> {}", node.state, transition.goal()))?;
             }
         }
         Ok(0)
@@ -105,10 +121,9 @@ fn goal(node: &Node, word: &str) -> Result<bool, Failure> {
     if transition != possible {
         let name = &node.name;
         return Err(Failure::Refused(format!(
-            "`{word}` is not for {name}, which is {}: its supervisor keeps a node active or down, \
-             and starts it in one go; it can be asked for `{possible}`, or to begin anew by \
-             `teseo restart {name}`",
-            node.stands()
+            "{name} is {}, and a supervisor keeps a node active or finalized: ask for `{possible}`, \
+             or `teseo restart {name}`",
+            node.state
         )));
     }
     Ok(transition == Transition::Activate)

@@ -1,13 +1,13 @@
 //! `teseo node`: the robot's nodes, and one of them in full.
 
 use clap::{Args, Subcommand};
-use node::control::Failure;
+use node::control::{self, Failure};
 use node::say::{say, shown, span};
 use serde_json::{Value, json};
 
-use crate::Which;
 use crate::robot::{Node, Port};
 use crate::table::{WIDTH, cut, hertz, number, table};
+use crate::{Which, understood};
 
 /// A verb about nodes.
 #[derive(Debug, Args)]
@@ -20,10 +20,13 @@ pub struct Nodes {
 #[derive(Debug, Subcommand)]
 enum Verb {
     /// List the robot's nodes: where they stand, their process, how many topics they have
-    #[command(after_help = "Example:\n  teseo node list")]
+    #[command(after_help = "Example:\n  teseo node list", arg = understood('a', "all"))]
     List {
         #[command(flatten)]
         robot: Which,
+        /// Print only how many there are
+        #[arg(short, long = "count-nodes", conflicts_with = "json")]
+        count: bool,
         /// Print one JSON array
         #[arg(long)]
         json: bool,
@@ -34,6 +37,7 @@ enum Verb {
         #[command(flatten)]
         robot: Which,
         /// The node
+        #[arg(value_parser = control::node_name)]
         node: String,
         /// Print everything that is known, as JSON
         #[arg(long)]
@@ -44,7 +48,8 @@ enum Verb {
 impl Nodes {
     pub(crate) fn carry_out(&self) -> Result<u8, Failure> {
         match &self.verb {
-            Verb::List { robot, json } => {
+            Verb::List { robot, count: true, .. } => say(&robot.find()?.nodes.len().to_string())?,
+            Verb::List { robot, json, .. } => {
                 let robot = robot.find()?;
                 if *json {
                     let nodes: Vec<_> = robot.nodes.iter().map(|node| &node.json).collect();
@@ -67,14 +72,7 @@ impl Nodes {
 
 fn row(node: &Node) -> Vec<String> {
     let count = |publishes| node.topics(publishes).count().to_string();
-    vec![
-        node.name.clone(),
-        node.stands().to_owned(),
-        pid(node),
-        uptime(node),
-        count(true),
-        count(false),
-    ]
+    vec![node.name.clone(), node.state.clone(), pid(node), uptime(node), count(true), count(false)]
 }
 
 fn described(node: &Node) -> String {
@@ -82,7 +80,7 @@ fn described(node: &Node) -> String {
     let mut lines = vec![format!(
         "{} is {} ({}): process {}, epoch {}, up {}, restarts {}",
         node.name,
-        node.stands(),
+        node.state,
         shown(json["doing"].as_str().unwrap_or_default()),
         pid(node),
         json["epoch"],

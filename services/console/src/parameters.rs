@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::{Args, Subcommand};
-use node::config::{Listed, Place, suggestion};
+use node::config::{Listed, Place, suggestion_or};
 use node::control::{Connection, Failure, Request};
 use node::say::{mention, say};
 use node::{Settings, Tunable, clock};
@@ -31,8 +31,7 @@ pub struct Parameters {
 /// What there is to be asked.
 #[derive(Debug, Subcommand)]
 enum Verb {
-    /// List a node's parameters: value, what it may be changed to, default where that is
-    /// another, and who says so
+    /// List a node's parameters: value, what it may be changed to, default, and who says so
     #[command(after_help = "Example:\n  teseo param list controller")]
     List {
         #[command(flatten)]
@@ -88,7 +87,7 @@ impl Parameters {
                 let robot = robot.find()?;
                 let node = robot.node(node)?;
                 let all = all(&robot, node, know)?;
-                say(&shown(&find(&all, key)?.value))?;
+                say(&shown(&find(&all, &node.name, key)?.value))?;
                 mention_newer_files(&robot, node, &all);
             }
             Verb::Set { robot, node, key, value } => set(&robot.find()?, node, key, *value)?,
@@ -140,10 +139,11 @@ fn all(robot: &Robot, node: &Node, know: Know) -> Result<Vec<Parameter>, Failure
     Ok(listed.into_iter().map(of).collect())
 }
 
-fn find<'a>(all: &'a [Parameter], key: &str) -> Result<&'a Parameter, Failure> {
+fn find<'a>(all: &'a [Parameter], node: &str, key: &str) -> Result<&'a Parameter, Failure> {
     all.iter().find(|parameter| parameter.key == key).ok_or_else(|| {
         let keys: Vec<_> = all.iter().map(|parameter| &parameter.key).collect();
-        Failure::Refused(format!("there is no parameter `{key}`; {}", suggestion(key, &keys)))
+        let help = suggestion_or(key, &keys, &format!("`teseo param list {node}` has them"));
+        Failure::Refused(format!("{node} has no parameter `{key}`; {help}"))
     })
 }
 

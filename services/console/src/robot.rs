@@ -106,11 +106,6 @@ impl Node {
         }
     }
 
-    /// Where it stands, for people: one that has no process has no state.
-    pub(crate) fn stands(&self) -> &str {
-        if self.is_alive { &self.state } else { "down" }
-    }
-
     /// The topics that it publishes, or those that it reads.
     pub(crate) fn topics(&self, publishes: bool) -> impl Iterator<Item = &Port> {
         self.ports.iter().filter(move |port| port.publishes == publishes)

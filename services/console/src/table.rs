@@ -1,7 +1,6 @@
 //! Plain text in columns, and numbers as people read them.
 
-/// [character] No line is longer.
-pub(crate) const WIDTH: usize = 100;
+pub(crate) use node::say::WIDTH;
 
 /// Rows under a title, each column as wide as its widest cell; what does not fit is cut.
 pub(crate) fn table(title: &[&str], rows: &[Vec<String>]) -> String {

@@ -7,7 +7,7 @@ mod show;
 
 use clap::{Args, Subcommand};
 use interfaces::{Loss, topics};
-use node::config::suggestion;
+use node::config::suggestion_or;
 use node::control::Failure;
 use node::observe::{self, Observer, Row};
 use node::say::say;
@@ -16,7 +16,7 @@ use serde_json::{Value, json};
 
 use crate::robot::Robot;
 use crate::table::{hertz, listed, table};
-use crate::{Which, refused};
+use crate::{Which, refused, understood};
 use meter::Figure;
 
 /// A verb about topics.
@@ -30,24 +30,51 @@ pub struct Topic {
 #[derive(Debug, Subcommand)]
 enum Verb {
     /// List the topics in use: type, rate, who publishes, who reads
-    #[command(after_help = "Example:\n  teseo topic list --all")]
+    #[command(
+        after_help = "Example:\n  teseo topic list --all",
+        arg = understood('t', "show-types"),
+        arg = understood('v', "verbose")
+    )]
     List {
         #[command(flatten)]
         robot: Which,
         /// Also those that nobody uses, and those that each node has of its own
-        #[arg(short, long)]
+        #[arg(short, long, alias = "include-hidden-topics")]
         all: bool,
+        /// Print only how many there are
+        #[arg(short, long = "count-topics", conflicts_with = "json")]
+        count: bool,
         /// Print one JSON array
         #[arg(long)]
         json: bool,
     },
     /// Show one topic: type, fields, queue, and all who are at it, guests included
-    #[command(after_help = "Example:\n  teseo topic info cmd_vel")]
+    #[command(
+        after_help = "Example:\n  teseo topic info cmd_vel",
+        arg = understood('v', "verbose")
+    )]
     Info {
         #[command(flatten)]
         robot: Which,
         /// The topic
         topic: String,
+    },
+    /// Print the type of a topic
+    #[command(after_help = "Example:\n  teseo topic type scan")]
+    Type {
+        #[command(flatten)]
+        robot: Which,
+        /// The topic
+        topic: String,
+    },
+    /// List the topics of a type
+    #[command(after_help = "Example:\n  teseo topic find LaserScan")]
+    Find {
+        #[command(flatten)]
+        robot: Which,
+        /// The type
+        #[arg(value_name = "TYPE")]
+        message: String,
     },
     /// Print the samples of a topic as they come, field by field
     Echo(echo::Options),
@@ -67,8 +94,13 @@ enum Verb {
 impl Topic {
     pub(crate) fn carry_out(&self) -> Result<u8, Failure> {
         match &self.verb {
-            Verb::List { robot, all, json } => list(&robot.find()?, *all, *json),
+            Verb::List { robot, all, count: true, .. } => {
+                say(&lines(&robot.find()?, *all).len().to_string()).map(|()| 0)
+            }
+            Verb::List { robot, all, json, .. } => list(&robot.find()?, *all, *json),
             Verb::Info { robot, topic } => info(&robot.find()?, topic),
+            Verb::Type { robot, topic } => say(row(&robot.find()?, topic)?.message).map(|()| 0),
+            Verb::Find { robot, message } => find(&robot.find()?, message),
             Verb::Echo(options) => echo::echo(options),
             Verb::Hz(options) => meter::measure(options, Figure::Rate),
             Verb::Bw(options) => meter::measure(options, Figure::Bandwidth),
@@ -78,18 +110,39 @@ impl Topic {
     }
 }
 
-fn list(robot: &Robot, all: bool, json: bool) -> Result<u8, Failure> {
-    let lines: Vec<_> = names(robot)
+/// The topics in use, or all that there can be.
+fn lines(robot: &Robot, all: bool) -> Vec<Line> {
+    names(robot)
         .iter()
         .filter_map(|name| Line::of(robot, name))
         .filter(|line| all || (line.is_used() && !line.row.name.contains('/')))
-        .collect();
+        .collect()
+}
+
+fn list(robot: &Robot, all: bool, json: bool) -> Result<u8, Failure> {
+    let lines = lines(robot, all);
     if json {
         let lines: Vec<_> = lines.iter().map(Line::json).collect();
         return say(&json!(lines).to_string()).map(|()| 0);
     }
     let rows: Vec<_> = lines.iter().map(Line::cells).collect();
     say(&table(&["TOPIC", "TYPE", "RATE", "PUBLISHER", "READERS"], &rows)).map(|()| 0)
+}
+
+/// By the type's name, with ROS 2's package before it or without.
+fn find(robot: &Robot, message: &str) -> Result<u8, Failure> {
+    let wanted = message.rsplit('/').next().unwrap_or_default();
+    let rows: Vec<_> = names(robot).iter().filter_map(|name| observe::row(name)).collect();
+    let found: Vec<_> =
+        rows.iter().filter(|row| row.message == wanted).map(|row| row.name.as_str()).collect();
+    if found.is_empty() {
+        let mut types: Vec<_> = rows.iter().map(|row| row.message).collect();
+        types.sort_unstable();
+        types.dedup();
+        let help = suggestion_or(wanted, &types, "`teseo topic list --all` has them");
+        return Err(Failure::Refused(format!("there is no type `{wanted}`; {help}")));
+    }
+    say(&found.join("\n")).map(|()| 0)
 }
 
 /// Every topic that the robot can have.
@@ -106,7 +159,7 @@ pub(crate) fn row(robot: &Robot, topic: &str) -> Result<Row, Failure> {
     let names = names(robot);
     let is_there = names.iter().any(|name| name == topic);
     observe::row(topic).filter(|_| is_there).ok_or_else(|| {
-        let help = suggestion(topic, &names);
+        let help = suggestion_or(topic, &names, "`teseo topic list --all` has them");
         Failure::Refused(format!("there is no topic `{topic}`; {help}"))
     })
 }

@@ -1,6 +1,5 @@
 //! What a process is started with: a launch file, its place in it, and the command line.
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -12,7 +11,9 @@ use crate::config::{Errors, Listable, Listed, Parameters, Report, Setting};
 use crate::faults::FaultsByTopic;
 use crate::launch::Launch;
 use crate::trace::TRACE;
-use crate::{Clock, Error, Namespace, Node, Notifier, Result, Wait, clock, log, managed, signal};
+use crate::{
+    Clock, Error, Namespace, Node, Notifier, Result, Wait, clock, log, managed, say, signal,
+};
 
 /// The environment variable that names the process without which this one must not live.
 pub const PARENT: &str = "TESEO_PARENT";
@@ -261,8 +262,7 @@ fn run(arguments: &Arguments, service: &str, body: impl FnMut(&mut Node<'_>) -> 
 /// Says on standard error what went wrong, once, and translates it.
 pub fn exit_code(name: &str, outcome: Result) -> ExitCode {
     let Err(error) = outcome else { return ExitCode::SUCCESS };
-    // Whoever closed our standard error does not want to know.
-    drop(writeln!(std::io::stderr(), "{name}: {error}"));
+    say::mention(&format!("{name}: {error}"));
     ExitCode::from(error.exit_code())
 }
 

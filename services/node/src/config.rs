@@ -29,6 +29,7 @@
 mod captured;
 mod error;
 mod layers;
+mod likely;
 mod listed;
 mod missing;
 mod parse;
@@ -44,8 +45,9 @@ mod value;
 mod tests;
 
 pub use captured::{FileName, Table};
-pub use error::{Error, Errors, Place, suggestion};
+pub use error::{Error, Errors, Place};
 pub use layers::Layers;
+pub use likely::{likely, suggestion, suggestion_or};
 pub use listed::{Listable, Listed};
 pub(crate) use listed::{changed, number};
 pub use report::{Parameters, Report};

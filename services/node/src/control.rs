@@ -1,5 +1,6 @@
 //! The other end of a supervisor's control socket: one request, then its answers, each in its time.
 
+use std::convert::Infallible;
 use std::fs;
 use std::io::{ErrorKind, Read, Write};
 use std::os::unix::fs::MetadataExt;
@@ -108,6 +109,11 @@ impl Failure {
             Self::TooLong(_) => 124,
         }
     }
+}
+
+/// A node's name as it was typed: ROS 2 has a slash before it.
+pub fn node_name(typed: &str) -> Result<String, Infallible> {
+    Ok(typed.trim_start_matches('/').to_owned())
 }
 
 /// The robot that is meant: by its name, or because no other runs.

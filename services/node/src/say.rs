@@ -6,6 +6,9 @@ use std::time::Duration;
 use crate::control::Failure;
 use serde_json::Value;
 
+/// [character] No line for people is longer, unless a word of it is.
+pub const WIDTH: usize = 100;
+
 /// Prints it on standard output, as one line or as many as it has.
 pub fn say(text: &str) -> Result<(), Failure> {
     let mut output = std::io::stdout().lock();
@@ -28,16 +31,36 @@ pub fn complain(failure: &Failure) {
         | Failure::NotRunning(text)
         | Failure::TooLong(text) => text,
     };
-    // Whoever closed our standard error does not want to know.
-    let _ = writeln!(std::io::stderr(), "teseo: {}", shown(text));
+    mention(&format!("teseo: {text}"));
 }
 
 /// Says on standard error what is no answer, but worth knowing.
 pub fn mention(text: &str) {
     for line in text.lines() {
         // Whoever closed our standard error does not want to know.
-        let _ = writeln!(std::io::stderr(), "{}", shown(line));
+        let _ = writeln!(std::io::stderr(), "{}", wrapped(&shown(line)));
     }
+}
+
+/// A line as one or more, none longer than [`WIDTH`], broken between words; those after the first are
+/// set in.
+pub fn wrapped(line: &str) -> String {
+    const INDENT: &str = "  ";
+    let mut text = String::new();
+    let mut width = 0;
+    for word in line.split_inclusive(' ') {
+        let length = word.trim_end().chars().count();
+        if INDENT.len() < width && WIDTH < width + length {
+            text.truncate(text.trim_end().len());
+            text.push('\n');
+            text.push_str(INDENT);
+            width = INDENT.len();
+        }
+        text.push_str(word);
+        width += word.chars().count();
+    }
+    text.truncate(text.trim_end().len());
+    text
 }
 
 /// Whether whoever reads wants colours: a terminal that has them, by <https://no-color.org>.
@@ -99,6 +122,23 @@ mod tests {
         assert_eq!(at("2026-11-25T12:01:07.412Z"), "12:01:07.412");
         assert_eq!(at("yesterday"), "yesterday");
         assert_eq!(time_of_day(&json!({})), "");
+    }
+
+    #[test]
+    fn a_long_line_is_broken_between_words_and_no_word_is_lost() {
+        assert_eq!(wrapped("short"), "short");
+        let words = ["word"; 60].join(" ");
+        let text = wrapped(&words);
+        let lines: Vec<_> = text.lines().collect();
+        assert_eq!(lines.len(), 4, "{text}");
+        assert!(
+            lines.iter().all(|line| line.len() <= WIDTH && 90 < line.len() || line == &lines[3])
+        );
+        assert!(lines[1..].iter().all(|line| line.starts_with("  word")), "{text}");
+        assert_eq!(text.split_whitespace().count(), 60);
+        // There is nowhere to break a path.
+        let path = format!("cannot read /{}", "x".repeat(200));
+        assert_eq!(wrapped(&path).lines().count(), 2);
     }
 
     #[test]

@@ -30,7 +30,8 @@ struct TopicFlow {
     /// When it was last seen to carry more than before.
     moved: Stamp,
     counted: (Stamp, u64),
-    rate: f64,
+    /// [Hz] Unknown for the first second.
+    rate: Option<f64>,
 }
 
 #[derive(Debug, Default, PartialEq, Eq)]
@@ -76,8 +77,8 @@ impl Flow {
         stalled.filter(|_| is_told).map(|topic| topic.name.as_str())
     }
 
-    /// [Hz] Each topic and how often it carries a sample.
-    pub(crate) fn rates(&self) -> impl Iterator<Item = (&str, f64)> {
+    /// [Hz] Each topic and how often it carries a sample, where that is known yet.
+    pub(crate) fn rates(&self) -> impl Iterator<Item = (&str, Option<f64>)> {
         self.topics.iter().map(|topic| (topic.name.as_str(), topic.rate))
     }
 
@@ -93,7 +94,7 @@ impl Flow {
                     samples: port.samples,
                     moved: now,
                     counted: (status.header.stamp, port.samples),
-                    rate: 0.0,
+                    rate: None,
                 }),
             }
         }
@@ -119,7 +120,7 @@ impl TopicFlow {
         let elapsed = told.since(self.counted.0);
         if RATE_WINDOW <= elapsed {
             let more = samples.saturating_sub(self.counted.1);
-            self.rate = more as f64 / elapsed.as_secs_f64();
+            self.rate = Some(more as f64 / elapsed.as_secs_f64());
             self.counted = (told, samples);
         }
     }

@@ -172,7 +172,12 @@ impl History {
                 format!("starts again in {delay:.2} s ({count} of {burst})")
             }
             Told::TakingDown { nodes, because } => {
-                format!("takes down {} with {}", self.names(nodes), self.name(*because))
+                let others: Vec<_> = nodes.iter().copied().filter(|node| node != because).collect();
+                if others.is_empty() {
+                    "is taken down".to_owned()
+                } else {
+                    format!("takes down {} with it", self.names(&others))
+                }
             }
             Told::Flowing { .. } => "its topics carry data again".to_owned(),
             Told::Stalled { topic, .. } => format!("is active, but sends nothing on {topic}"),

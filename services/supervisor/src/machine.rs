@@ -327,9 +327,11 @@ impl Machine {
 
     pub(crate) fn node(&self, node: usize) -> View {
         let life = &self.lives[node];
+        // However its life ended, it is over; before the first nobody knows anything.
+        let is_over = 0 < life.epoch && !life.has_process();
         View {
             epoch: life.epoch,
-            state: life.state,
+            state: if is_over { State::Finalized } else { life.state },
             since: life.since,
             restarts: life.restarts,
             doing: self.doing(node),

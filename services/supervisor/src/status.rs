@@ -75,7 +75,7 @@ fn of_node(supervisor: &Supervisor<'_>, node: usize, now: Stamp) -> Value {
     let topics: Vec<_> = member
         .flow
         .rates()
-        .map(|(topic, rate)| json!({ "topic": topic, "hz": (rate * 10.0).round() / 10.0 }))
+        .map(|(topic, rate)| json!({ "topic": topic, "hz": rate.map(|rate| (rate * 10.0).round() / 10.0) }))
         .collect();
     let failure = supervisor.last_failures[node].as_ref();
     json!({

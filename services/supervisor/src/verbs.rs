@@ -38,7 +38,7 @@ pub enum Verb {
         #[arg(long, value_name = "SECONDS", default_value_t = 30)]
         wait: u64,
     },
-    /// Show the robot's nodes; the exit code is 0 where it is ready, 1 where not, 3 where none runs
+    /// Show the robot's nodes; exits with 0 where it is ready, 1 where not, 3 where none runs
     #[command(after_help = "Example:\n  teseo status --watch")]
     Status {
         #[command(flatten)]
@@ -58,6 +58,7 @@ pub enum Verb {
         #[allow(missing_docs, reason = "the flattened options document themselves")]
         robot: Which,
         /// The node [default: all]
+        #[arg(value_parser = control::node_name)]
         node: Option<String>,
         /// Go on with what they will write, until Ctrl-C
         #[arg(short, long)]
@@ -97,6 +98,7 @@ pub enum Verb {
         #[allow(missing_docs, reason = "the flattened options document themselves")]
         robot: Which,
         /// The node [default: all, and the robot]
+        #[arg(value_parser = control::node_name)]
         node: Option<String>,
         /// Go on with what will happen, until Ctrl-C
         #[arg(short, long)]
@@ -105,8 +107,9 @@ pub enum Verb {
         #[arg(long)]
         json: bool,
     },
-    /// Stop the robot at once and hold it, across restarts, until the stop is cleared; needs no
-    /// supervisor, and without a name stops every robot
+    /// Stop the robot at once, or every robot, and hold it until the stop is cleared
+    ///
+    /// It is held across restarts. Without --robot, every robot is stopped; no supervisor is needed.
     #[command(
         after_help = "Examples:\n  teseo estop --reason \"a hand in the maze\"\n  teseo estop --clear"
     )]
@@ -137,6 +140,7 @@ pub enum Verb {
         #[allow(missing_docs, reason = "the flattened options document themselves")]
         robot: Which,
         /// The node
+        #[arg(value_parser = control::node_name)]
         node: String,
     },
 }
@@ -155,6 +159,7 @@ pub struct OneNode {
     #[command(flatten)]
     robot: Which,
     /// The node
+    #[arg(value_parser = control::node_name)]
     node: String,
     /// Give up after this long; the node goes on all the same
     #[arg(long, value_name = "SECONDS", default_value_t = STEER_WAIT_S)]

@@ -22,6 +22,7 @@ const POLL: Duration = Duration::from_millis(5);
 #[command(after_help = "Examples:\n  teseo topic echo odom --once\n  \
                         teseo topic echo odom --field x -n 10\n  \
                         teseo topic echo scan --json | head -1")]
+#[expect(clippy::struct_excessive_bools, reason = "each is a flag on the command line")]
 pub(crate) struct Options {
     #[command(flatten)]
     robot: Which,
@@ -36,6 +37,9 @@ pub(crate) struct Options {
     /// End after one sample
     #[arg(long, conflicts_with = "count")]
     once: bool,
+    /// Print long lists to their end
+    #[arg(short, long)]
+    full_length: bool,
     /// Print one JSON object a line
     #[arg(long, conflicts_with = "csv")]
     json: bool,
@@ -107,7 +111,7 @@ impl Printer<'_> {
             (Some(_), Some(field)) if self.options.json => json_of(&field.value).to_string(),
             (Some(_), Some(field)) => value(&field.value),
             _ if self.options.json => object(&wanted).to_string(),
-            _ => format!("{}\n---", text(&header, &sample.fields())),
+            _ => format!("{}\n---", text(&header, &sample.fields(), self.options.full_length)),
         };
         self.printed += 1;
         say(&line)

@@ -21,6 +21,9 @@ const POLL: Duration = Duration::from_micros(500);
 /// Between two lines.
 const PERIOD: Duration = Duration::from_secs(1);
 
+/// Over which a figure is told, unless somebody says over how many samples.
+const WINDOW: Duration = Duration::from_secs(10);
+
 /// What to measure, and for how long.
 #[derive(Debug, Args)]
 pub(crate) struct Options {
@@ -28,9 +31,9 @@ pub(crate) struct Options {
     robot: Which,
     /// The topic
     topic: String,
-    /// Over what came in the last so many seconds
-    #[arg(short, long, value_name = "SECONDS", default_value_t = 10, value_parser = clap::value_parser!(u64).range(1..))]
-    window: u64,
+    /// Over the last so many samples [default: those of the last 10 seconds]
+    #[arg(short, long, value_name = "SAMPLES", value_parser = clap::value_parser!(u64).range(2..))]
+    window: Option<u64>,
     /// End after so many seconds
     #[arg(long = "for", value_name = "SECONDS", value_parser = clap::value_parser!(u64).range(1..))]
     for_s: Option<u64>,
@@ -65,8 +68,10 @@ pub(super) fn measure(options: &Options, figure: Figure) -> Result<u8, Failure> 
     signal::listen();
     let session = join(&robot)?;
     let mut observer = open(&session, &robot, &row)?;
-    let window = Duration::from_secs(options.window);
-    let mut statistics = Statistics::new(row.size, window);
+    let mut statistics = match options.window {
+        Some(samples) => Statistics::of_last(row.size, samples.try_into().unwrap_or(usize::MAX)),
+        None => Statistics::new(row.size, WINDOW),
+    };
     let seconds = if options.once { Some(1) } else { options.for_s };
     let begun = clock::now();
     let end = seconds.map(|seconds| begun.after(Duration::from_secs(seconds)));

@@ -21,7 +21,7 @@ const LINGER: Duration = Duration::from_millis(200);
 /// What to publish, and how often.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  teseo topic pub board_request asks_sound=1 sound=1\n  \
-                        teseo topic pub teleop_cmd_vel linear=0.1 --rate 20 --for 3\n  \
+                        teseo topic pub /teleop_cmd_vel linear=0.1 -r 20 --for 3\n  \
                         teseo topic info board_request    # its fields and units")]
 pub(crate) struct Options {
     #[command(flatten)]
@@ -32,8 +32,14 @@ pub(crate) struct Options {
     #[arg(value_name = "FIELD=VALUE")]
     fields: Vec<String>,
     /// Publish so often in a second, until Ctrl-C [default: once]
-    #[arg(long, value_name = "HZ", value_parser = rate)]
+    #[arg(short, long, value_name = "HZ", value_parser = rate)]
     rate: Option<f64>,
+    /// Publish so many times, once a second where no rate is given
+    #[arg(short, long, value_name = "NUMBER", value_parser = clap::value_parser!(u64).range(1..))]
+    times: Option<u64>,
+    /// Publish once, whatever the rate
+    #[arg(short = '1', long, conflicts_with = "times")]
+    once: bool,
     /// End after so many seconds
     #[arg(long = "for", value_name = "SECONDS", requires = "rate", value_parser = seconds)]
     for_s: Option<f64>,
@@ -74,7 +80,7 @@ fn check_place(session: &Session, robot: &Robot, row: &Row) -> Result<(), Failur
     }
     // A node that is down comes back with a lower epoch than ours, and nobody would believe it.
     if let Some(node) = robot.publisher(topic) {
-        let (name, state) = (&node.name, node.stands());
+        let (name, state) = (&node.name, &node.state);
         return Err(Failure::Refused(format!(
             "`{topic}` has one publisher, and on this robot that is {name} ({state})"
         )));
@@ -115,7 +121,12 @@ impl Send<'_> {
     fn send<T: Described>(&self, mut publisher: Publisher<T>, message: T) -> Result<u8, Failure> {
         let begun = clock::now();
         let end = self.options.for_s.map(|seconds| begun.after(Duration::from_secs_f64(seconds)));
-        let period = self.options.rate.map(|rate| Duration::from_secs_f64(1.0 / rate));
+        let rate = self.options.rate.unwrap_or(1.0);
+        let period = Duration::from_secs_f64(1.0 / rate);
+        let times = match self.options {
+            Options { once: true, .. } | Options { times: None, rate: None, .. } => Some(1),
+            Options { times, .. } => *times,
+        };
         let mut due = begun;
         let mut sent = 0_u64;
         let outcome = loop {
@@ -124,9 +135,8 @@ impl Send<'_> {
             message.header_mut().stamp = now;
             publisher.send(message).map_err(|error| refused(&error))?;
             sent += 1;
-            let Some(period) = period else { break Ok(()) };
             due = due.after(period);
-            if end.is_some_and(|end| end <= due) {
+            if times.is_some_and(|times| times <= sent) || end.is_some_and(|end| end <= due) {
                 break Ok(());
             }
             if let Err(failure) = self.wait(due) {
@@ -162,8 +172,10 @@ fn filled<T: Described>(settings: &[String], topic: &str) -> Result<T, Failure> 
     let fields = message.fields();
     for setting in settings {
         let Some((name, text)) = setting.split_once('=') else {
-            let why = format!("`{setting}` is no field; write FIELD=VALUE, such as linear=0.1");
-            return Err(Failure::Refused(why));
+            let example = fields.first().map_or("linear", |field| field.name);
+            return Err(Failure::Refused(format!(
+                "`{setting}` is no field; write FIELD=VALUE, such as {example}=1"
+            )));
         };
         let unit = unit(&fields, name);
         message.set(name, text.trim()).map_err(|error| match error {

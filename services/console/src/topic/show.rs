@@ -20,8 +20,9 @@ pub(super) fn all_fields(header: &Header, mut fields: Vec<Field>) -> Vec<Field> 
     all
 }
 
-/// For people: a line for the header, one for each field.
-pub(super) fn text(header: &Header, fields: &[Field]) -> String {
+/// For people: a line for the header, one for each field, with what does not fit into it `in_full` or
+/// left out.
+pub(super) fn text(header: &Header, fields: &[Field], in_full: bool) -> String {
     let width = fields.iter().map(|field| field.name.len()).max().unwrap_or_default();
     let mut lines = vec![format!(
         "stamp {:.9} s, sequence {}, epoch {}",
@@ -37,12 +38,16 @@ pub(super) fn text(header: &Header, fields: &[Field]) -> String {
             }
             other => {
                 let unit = if field.unit == "-" { "" } else { field.unit };
-                let text = format!("  {:<width$}  {} {unit}", field.name, short(other));
+                let shown = if in_full { value(other) } else { short(other) };
+                let text = format!("  {:<width$}  {shown} {unit}", field.name);
                 lines.push(text.trim_end().to_owned());
             }
         }
     }
-    lines.iter().map(|line| cut(line, WIDTH)).collect::<Vec<_>>().join("\n")
+    if !in_full {
+        lines = lines.iter().map(|line| cut(line, WIDTH)).collect();
+    }
+    lines.join("\n")
 }
 
 /// All of a value, in one line.
@@ -140,7 +145,7 @@ mod tests {
         odometry.header.sequence = 7;
 
         assert_eq!(
-            text(&odometry.header, &odometry.fields()),
+            text(&odometry.header, &odometry.fields(), false),
             "\
 stamp 0.000000000 s, sequence 7, epoch 0
   x        1.5 m
@@ -164,7 +169,7 @@ stamp 0.000000000 s, sequence 7, epoch 0
         let mut scan = LaserScan { length: 240, ..LaserScan::default() };
         scan.ranges_mut().fill(0.5);
 
-        let text = text(&scan.header, &scan.fields());
+        let text = text(&scan.header, &scan.fields(), false);
         assert!(text.contains("range            0.5 0.5 0.5 0.5 0.5 0.5 .. (240 in all) m"));
         let cells = cells(&scan.fields());
         assert!(cells.contains(&("range_239 [m]".to_owned(), "0.5".to_owned())));
@@ -176,7 +181,7 @@ stamp 0.000000000 s, sequence 7, epoch 0
         status.text = Text::new("a\x1b[2J \"b\",\nc");
         status.port[0] = PortStatus { topic: Text::new("scan"), samples: 3, ..status.port[0] };
 
-        let shown = text(&status.header, &status.fields());
+        let shown = text(&status.header, &status.fields(), false);
         assert!(!shown.contains('\x1b'), "{shown}");
         assert!(shown.contains("  port\n    topic=scan publishes=0"), "{shown}");
         let cells = cells(&status.fields());

@@ -163,28 +163,3 @@ impl fmt::Display for Errors {
         }
     }
 }
-
-/// What may have been meant by `word`, or all that is `allowed`.
-pub fn suggestion<S: AsRef<str>>(word: &str, allowed: &[S]) -> String {
-    match nearest(word, allowed) {
-        Some(name) => format!("did you mean `{name}`?"),
-        None if allowed.is_empty() => "remove it: nothing is allowed here".to_owned(),
-        None => format!("allowed: {}", quoted(allowed)),
-    }
-}
-
-/// The name most like `word`, if one is like it at all.
-pub(super) fn nearest<'a, S: AsRef<str>>(word: &str, names: &'a [S]) -> Option<&'a str> {
-    /// [-] Lets a forgotten unit pass (`speed_max` for `speed_max_m_s`), but not another word.
-    const LIKENESS_MIN: f64 = 0.8;
-
-    let likeness = |name: &str| strsim::jaro_winkler(&word.to_lowercase(), &name.to_lowercase());
-    let rated = names.iter().map(|name| (likeness(name.as_ref()), name.as_ref()));
-    let (likeness, name) = rated.max_by(|a, b| a.0.total_cmp(&b.0))?;
-    (LIKENESS_MIN <= likeness).then_some(name)
-}
-
-pub(super) fn quoted<S: AsRef<str>>(names: &[S]) -> String {
-    let quoted: Vec<_> = names.iter().map(|name| format!("`{}`", name.as_ref())).collect();
-    quoted.join(", ")
-}

@@ -4,7 +4,8 @@ use std::fs;
 use std::io;
 use std::path::Path;
 
-use super::error::{Error, Place, nearest, quoted};
+use super::error::{Error, Place};
+use super::likely::{likely, quoted};
 use super::source::Origin;
 
 /// The error of a file that `named_at`, or else the command line, names.
@@ -35,7 +36,7 @@ fn nearest_file(path: &Path) -> String {
         if directory.is_dir() {
             let Some(name) = missing.file_name() else { break };
             let names = names_in(directory);
-            return match nearest(&name.to_string_lossy(), &names) {
+            return match likely(&name.to_string_lossy(), &names).first() {
                 Some(name) => format!("did you mean `{}`?", parent.join(name).display()),
                 None => files_in(directory),
             };

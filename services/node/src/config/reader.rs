@@ -10,7 +10,7 @@ use serde::de::{
 use serde::forward_to_deserialize_any;
 
 use super::captured::{self, CAPTURE};
-use super::error::quoted;
+use super::likely::quoted;
 use super::rejection::{Rejection, in_words};
 use super::value::{Entry, Kind, Step, Value};
 

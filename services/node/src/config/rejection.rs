@@ -4,7 +4,7 @@ use std::fmt::{self, Display};
 
 use serde::de::{self, Expected, Unexpected};
 
-use super::error::suggestion;
+use super::likely::suggestion;
 use super::value::Step;
 
 /// Why a value was not taken.

@@ -1,6 +1,7 @@
 //! Reading on after a mistake, so that all of them are found.
 
-use super::error::{Error, suggestion};
+use super::error::Error;
+use super::likely::suggestion;
 use super::reader::Reader;
 use super::rejection::{Reason, Rejection};
 use super::report::Parameters;

@@ -5,7 +5,8 @@ use std::sync::Arc;
 
 use toml::de::{DeTable, DeValue};
 
-use super::error::{self, Error, Place};
+use super::error::{Error, Place};
+use super::likely::suggestion;
 use super::source::{Origin, Source};
 use super::value::{Entry, Kind, Step, Value, dotted};
 
@@ -36,7 +37,7 @@ impl Setting {
 
     /// The error of a setting whose scope is not among those `allowed`.
     pub fn unknown<S: AsRef<str>>(&self, allowed: &[S]) -> Error {
-        let help = error::suggestion(self.scope(), allowed);
+        let help = suggestion(self.scope(), allowed);
         Error::new(Place::Setting(self.text.clone()), self.scope(), "unknown key", help)
     }
 

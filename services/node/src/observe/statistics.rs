@@ -17,6 +17,7 @@ const SAMPLES_MAX: usize = 4_096;
 #[derive(Debug, Clone)]
 pub struct Statistics {
     window: Duration,
+    samples_max: usize,
     size: usize,
     epoch: u32,
     arrivals: Arrivals,
@@ -60,11 +61,21 @@ pub struct Period {
 }
 
 impl Statistics {
-    /// Of a topic whose messages have so many bytes, over what came within `window`, and no more than
+    /// Of a topic whose messages have `size` bytes, over what came within `window`, and no more than
     /// the newest 4096 samples.
     pub fn new(size: usize, window: Duration) -> Self {
+        Self::over(size, window, SAMPLES_MAX)
+    }
+
+    /// The same over the newest `samples`, however long ago they came.
+    pub fn of_last(size: usize, samples: usize) -> Self {
+        Self::over(size, Duration::MAX, samples.min(SAMPLES_MAX))
+    }
+
+    fn over(size: usize, window: Duration, samples_max: usize) -> Self {
         Self {
             window,
+            samples_max,
             size,
             epoch: 0,
             arrivals: Arrivals::default(),
@@ -96,7 +107,7 @@ impl Statistics {
             }
         }
         self.come += 1;
-        if self.newest.len() == SAMPLES_MAX {
+        if self.newest.len() == self.samples_max {
             self.newest.pop_front();
         }
         self.newest.push_back(Came { received, stamp: header.stamp, sent: self.sent });
@@ -277,6 +288,19 @@ mod tests {
         slowed.forget(ms(60_000));
         assert_eq!(slowed.rate(), None, "a topic that is silent has no rate");
         assert_eq!(slowed.last(), Some(ms(2_000)));
+    }
+
+    #[test]
+    fn over_so_many_samples_older_ones_do_not_count() {
+        let mut last_three = Statistics::of_last(40, 3);
+        for (sequence, received) in (0..).zip([0, 10, 20, 120, 220]) {
+            let header = Header { stamp: ms(received), sequence, epoch: 1, reserved: 0 };
+            last_three.add(&header, ms(received));
+            last_three.forget(ms(received));
+        }
+
+        near(last_three.rate(), 10.0);
+        assert_eq!(last_three.come(), 5);
     }
 
     #[test]

@@ -61,6 +61,11 @@ fn robots(name: Option<&str>) -> Result<Vec<Namespace>, Failure> {
 /// Arms a robot that was stopped too often, or has not been armed since its start.
 pub(super) fn arm(robot: Option<&str>) -> Result<u8, Failure> {
     let namespace = control::find(robot)?;
+    // To join what is not there would make it.
+    if !namespace.lock().exists() {
+        let robot = namespace.robot();
+        return Err(Failure::NotRunning(format!("robot '{robot}' is not running")));
+    }
     let status = control::look(&namespace);
     let is_lockstep = status.is_some_and(|status| status["clock"] == "lockstep");
     let clock = if is_lockstep { Clock::Lockstep } else { Clock::Realtime };

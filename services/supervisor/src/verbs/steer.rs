@@ -64,7 +64,7 @@ impl Goal {
     const fn label(self) -> &'static str {
         match self {
             Self::Restarted => "active again",
-            Self::Stopped => "stopped",
+            Self::Stopped => "finalized",
             Self::Started => "active",
         }
     }

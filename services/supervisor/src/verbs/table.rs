@@ -17,6 +17,9 @@ const WIDTHS_MAX: [usize; COLUMNS - 1] = [16, 22, 7, 6, 8, 23];
 /// [character] Of a topic's name, lest its rate be cut off.
 const TOPIC_MAX: usize = 12;
 
+/// [-] Rates that differ by less are one and the same, a little off: the first is told.
+const FASTER: f64 = 1.2;
+
 /// Between two columns.
 const GAP: &str = "  ";
 
@@ -69,24 +72,31 @@ fn cells(node: &Value) -> [String; COLUMNS] {
     ]
 }
 
-/// Where it is, or what the supervisor is about with it where that says more.
+/// Where it stands, in ROS 2's words, or what will not stay so where that says more.
 pub(super) fn state(node: &Value) -> String {
     let text = |key: &str| node[key].as_str().unwrap_or_default();
     if let Some(topic) = node["stalled"].as_str() {
         return format!("no data on {topic}");
     }
     match text("doing") {
-        "" | "running" | "starting" => text("state").to_owned(),
+        "" | "running" | "starting" | "stopping" | "stopped" | "ended" => text("state").to_owned(),
         doing => doing.to_owned(),
     }
 }
 
+/// The fastest topic of those that it publishes: what sets the pace of whoever reads it.
 fn rate(node: &Value) -> String {
-    let topics = node["topics"].as_array().map_or(&[][..], Vec::as_slice);
-    let Some((first, others)) = topics.split_first() else { return "-".to_owned() };
-    let (topic, hz) = (first["topic"].as_str(), first["hz"].as_f64());
-    let more = if others.is_empty() { String::new() } else { format!(" +{}", others.len()) };
-    format!("{} {} Hz{more}", cut(topic.unwrap_or("?"), TOPIC_MAX), hz.unwrap_or_default())
+    let topics = node["topics"].as_array().filter(|_| !node["pid"].is_null());
+    let topics = topics.map_or(&[][..], Vec::as_slice);
+    let hz = |topic: &Value| topic["hz"].as_f64().unwrap_or_default();
+    let faster = |best, topic| if FASTER * hz(best) < hz(topic) { topic } else { best };
+    let Some(fastest) = topics.iter().reduce(faster) else { return "-".to_owned() };
+    let topic = cut(fastest["topic"].as_str().unwrap_or("?"), TOPIC_MAX);
+    let more = if topics.len() < 2 { String::new() } else { format!(" +{}", topics.len() - 1) };
+    match fastest["hz"].as_f64() {
+        Some(hz) => format!("{topic} {hz} Hz{more}"),
+        None => format!("{topic} -{more}"),
+    }
 }
 
 /// When first, which a long reason must not push out.
@@ -99,7 +109,7 @@ fn last_fault(node: &Value) -> String {
 fn colour(state: &str) -> &'static str {
     match state {
         "active" => "\x1b[32m",
-        "stopped" | "ended" | "finalized" => "\x1b[31m",
+        "unknown" | "finalized" => "\x1b[31m",
         _ => "\x1b[33m",
     }
 }
@@ -211,19 +221,37 @@ mod tests {
             json!({ "what": "was killed by signal 9 (SIGKILL)", "ago_s": 30.2 });
         fallen["restarts"] = json!(1);
         fallen["topics"] = json!([{ "topic": "cmd_vel", "hz": 19.9 }, { "topic": "x", "hz": 1.0 }]);
-        let mut down = node("odometry", "unconfigured", "stopped");
+        let mut down = node("odometry", "finalized", "stopped");
         (down["pid"], down["uptime_s"], down["topics"]) = (Value::Null, Value::Null, json!([]));
 
         assert_eq!(
             table(&status(&[down, fallen]), 100, false),
             "\
-NODE        STATE    PID    UP     RESTARTS  RATE                LAST FAULT
-odometry    stopped  -      -      0         -                   -
-controller  active   12041  1m12s  1         cmd_vel 19.9 Hz +1  30s ago: was killed by signal 9 (..
+NODE        STATE      PID    UP     RESTARTS  RATE                LAST FAULT
+odometry    finalized  -      -      0         -                   -
+controller  active     12041  1m12s  1         cmd_vel 19.9 Hz +1  30s ago: was killed by signal 9..
 burger is ready, up 1m15s; supervisor 12039: 6.2 MiB, 0.31 % CPU
 shared memory: 34 files, 6.2 MiB; 20.0 MiB at the most, 512.0 MiB free
 "
         );
+    }
+
+    #[test]
+    fn the_rate_is_that_of_the_fastest_topic_and_of_the_first_where_they_are_alike() {
+        let mut bridge = node("turtlebot3", "active", "running");
+        for (rates, shown) in [
+            (
+                &[("battery_state", 1.0), ("joint_states", 50.1), ("imu", 50.3)][..],
+                "joint_states 50.1 Hz +2",
+            ),
+            (&[("scan", 5.0), ("imu", 50.0)], "imu 50 Hz +1"),
+            (&[("motion_state", 0.0)], "motion_state 0 Hz"),
+            (&[], "-"),
+        ] {
+            let topic = |(topic, hz): &(&str, f64)| json!({ "topic": topic, "hz": hz });
+            bridge["topics"] = rates.iter().map(topic).collect();
+            assert_eq!(rate(&bridge), shown);
+        }
     }
 
     #[test]
@@ -256,7 +284,7 @@ shared memory: 34 files, 6.2 MiB; 20.0 MiB at the most, 512.0 MiB free
         let coloured = table(&status(&nodes), 100, true);
 
         assert!(!plain.contains('\x1b'), "{plain}");
-        for state in ["\x1b[32mactive", "\x1b[33mactivating", "\x1b[31mstopped"] {
+        for state in ["\x1b[32mactive", "\x1b[33mactivating", "\x1b[31mfinalized"] {
             assert!(coloured.contains(state), "{coloured}");
         }
         let mut bare = coloured;

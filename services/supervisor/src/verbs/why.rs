@@ -87,9 +87,13 @@ fn standing(name: &str, node: &Value) -> String {
         Some(1) => "; it was started again once".to_owned(),
         Some(count) => format!("; it was started again {count} times"),
     };
-    let state = state(node);
-    let is = if state.starts_with("starts ") { "is down and" } else { "is" };
-    format!("{name} {is} {state}{up}{process}{again}.")
+    let state = match (state(node), node["doing"].as_str()) {
+        (again, _) if again.starts_with("starts ") => format!("finalized and {again}"),
+        (state, Some("stopped")) => format!("{state}, until somebody starts it"),
+        (state, Some("ended")) => format!("{state}: it ended by itself, as it may"),
+        (state, _) => state,
+    };
+    format!("{name} is {state}{up}{process}{again}.")
 }
 
 fn failed(event: &Value, now: f64) -> String {
@@ -203,8 +207,8 @@ The last that happened to it, 1m12s ago: inactive -> active.
     #[test]
     fn a_node_that_went_down_with_another_blames_the_other() {
         let mut down = node();
-        (down["doing"], down["pid"], down["uptime_s"]) =
-            (json!("stopped"), Value::Null, Value::Null);
+        (down["state"], down["doing"]) = (json!("finalized"), json!("stopped"));
+        (down["pid"], down["uptime_s"]) = (Value::Null, Value::Null);
         let taking = json!({
             "monotonic_s": 70.0, "wall": WALL, "node": "simulator", "kind": "taking-down",
             "text": "", "nodes": ["controller", "odometry"], "because": "simulator",
@@ -212,7 +216,7 @@ The last that happened to it, 1m12s ago: inactive -> active.
         let failed = [failure("simulator", 69.9, 1), taking.clone()];
         let asked = [failure("simulator", 10.0, 1), taking];
 
-        let because = "odometry is stopped.\nIt has not failed.\nIt went down 30s ago because \
+        let because = "odometry is finalized, until somebody starts it.\nIt has not failed.\nIt went down 30s ago because \
                        simulator failed: was killed by signal 9 (SIGKILL).\n";
         assert_eq!(explain(&down, &failed, &[], 100.0), because);
         let with = "It went down 30s ago together with simulator.\n";
