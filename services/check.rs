@@ -1,6 +1,7 @@
 //! What the parameters of our services may be: each service knows its own, and here all are known.
 
 use node::config::Listed;
+use node::launch::PairingParameters;
 use node::{Settings, Tunable};
 
 /// What the supervisor is told of our services.
@@ -26,13 +27,13 @@ fn check(settings: &Settings) -> Option<node::Result> {
 pub(crate) fn parameters(
     settings: &Settings,
 ) -> Option<(node::Result<Vec<Listed>>, &'static [Tunable])> {
-    let none: &[Tunable] = &[];
     match settings.name() {
-        "simulator" => Some((settings.listed::<simulator::Config>(), none)),
-        "odometry" => Some((settings.listed::<odometry::Config>(), none)),
+        "simulator" => Some((settings.listed::<simulator::Config>(), &simulator::TUNABLES)),
+        "odometry" => Some((settings.listed::<odometry::Config>(), &odometry::TUNABLES)),
+        "pairing" => Some((settings.listed::<PairingParameters>(), &supervisor::PAIRING_TUNABLES)),
         "controller" => Some((settings.listed::<controller::Config>(), &controller::TUNABLES)),
-        "multiplexer" => Some((settings.listed::<multiplexer::Config>(), none)),
-        "turtlebot3" => Some((settings.listed::<turtlebot3::Config>(), none)),
+        "multiplexer" => Some((settings.listed::<multiplexer::Config>(), &multiplexer::TUNABLES)),
+        "turtlebot3" => Some((settings.listed::<turtlebot3::Config>(), &turtlebot3::TUNABLES)),
         _ => None,
     }
 }

@@ -322,25 +322,79 @@ fn a_parameter_is_changed_while_the_robot_drives_and_the_change_is_an_event() {
     let events = said(&robot, &["events"]);
     events.assert_says(&["controller wall_following.speed_m_s 0.15 -> 0.05"]);
 
-    for (key, value, why) in [
-        (SPEED, "9", "give 0.01 to 0.22"),
-        (SPEED, "-1", "give 0.01 to 0.22"),
-        ("input_age_max_s", "9", "cannot be changed while the node runs"),
-        ("wall_following.sped_m_s", "0.1", "did you mean `wall_following.speed_m_s`?"),
+    for (node, key, value, why) in [
+        ("controller", SPEED, "9", "give 0.01 to 0.22"),
+        ("controller", SPEED, "-1", "give 0.01 to 0.22"),
+        ("controller", SPEED, "fast", "is no number"),
+        (
+            "controller",
+            "input_age_max_s",
+            "9",
+            "lab_robot.toml:11, then `teseo restart controller`",
+        ),
+        ("pairing", "policy", "adaptive", "then `teseo down` and `teseo up`"),
+        ("controller", "sped_m_s", "0.1", "did you mean `corridor_following.speed_m_s` or"),
+        ("simulator", "deadman.timeout_ms", "9", "is what stops the robot"),
+        ("simulator", "lidar.noise", "gazbo", "did you mean `gazebo`?"),
+        ("simulator", "stop_at_collision", "1", "give true or false"),
     ] {
-        refused(&robot, &["param", "set", "controller", key, value], 1, why);
+        refused(&robot, &["param", "set", node, key, value], 1, why);
     }
     said(&robot, &["events"]).assert_says(&["refused wall_following.speed_m_s = 9"]);
-    refused(
-        &robot,
-        &["param", "set", "simulator", "deadman.timeout_ms", "9"],
-        1,
-        "no parameter that",
-    );
 
     // Another life of the node goes by the launch file again.
     said(&robot, &["restart", "controller"]);
     assert_eq!(said(&robot, &["param", "get", "controller", SPEED]).out, "0.15\n");
+    run.stop();
+}
+
+#[test]
+fn words_and_switches_change_too_and_those_of_every_node() {
+    let robot = Robot::new();
+    let run = realtime(&robot);
+    let ranges = || said(&robot, &["topic", "echo", "/scan", "--field", "range", "-n", "2"]).out;
+    let is_noisy = |ranges: &str| ranges.lines().next() != ranges.lines().nth(1);
+
+    said(&robot, &["estop"]);
+    assert!(crate::robot::wait_until(Duration::from_secs(10), || !is_noisy(&ranges())));
+    said(&robot, &["param", "set", "/simulator", "lidar.noise", "gazebo"])
+        .assert_says(&["ideal -> gazebo"]);
+    assert!(is_noisy(&ranges()), "a robot at rest sees the same walls, but for the noise");
+    for (node, key, value, former) in [
+        ("simulator", "stop_at_collision", "false", "true"),
+        ("odometry", "track_m", "0.17", "0.16"),
+        ("pairing", "slop_ms", "40", "150"),
+        ("controller", "algorithm", "corridor_following", "wall_following"),
+    ] {
+        said(&robot, &["param", "set", node, key, value])
+            .assert_says(&[&format!("{former} -> {value}")]);
+        assert_eq!(said(&robot, &["param", "get", node, key]).out, format!("{value}\n"));
+    }
+    said(&robot, &["param", "describe", "pairing", "slop_ms"]).assert_says(&[
+        "value     40 ms",
+        "may be    1..500",
+        "default   50 ms",
+    ]);
+    let all = said(&robot, &["param", "list"]);
+    all.assert_says(&["pairing:\n", "simulator:\n", "3 words"]);
+    assert!(all.out.lines().all(|line| line.chars().count() <= 100), "{}", all.story());
+    said(&robot, &["param", "describe", "simulator", "lidar.noise"])
+        .assert_says(&["value     gazebo", "may be    ideal, gazebo, lds01"]);
+
+    // What was dumped before a change brings back what was.
+    let dump = said(&robot, &["param", "dump", "controller"]).out;
+    assert!(dump.contains("algorithm = \"corridor_following\"\n"), "{dump}");
+    said(&robot, &["param", "set", "controller", SPEED, "0.05"]);
+    let file = robot.file("dump.toml", &dump);
+    said(&robot, &["param", "load", "controller", &file]).assert_says(&["0.05 -> 0.15"]);
+    said(&robot, &["param", "load", "controller", &file]).assert_says(&["goes by that already"]);
+    let file = robot.file("dump.toml", "input_age_max_s = 1\nwall_following.speed_m_s = 0.1\n");
+    robot
+        .start(&["param", "load", "controller", &file])
+        .wait()
+        .assert_code(1)
+        .assert_says(&["is read when the node starts", "0.15 -> 0.1"]);
+    said(&robot, &["estop", "--clear"]);
     run.stop();
 }
 

@@ -267,13 +267,13 @@ messages! {
         goal_state by |event: &Self| word(event.goal_state, State::label) => "-",
         reason => "-",
     }
-    SetParameter { value => "as the key says", key => "-" }
+    SetParameter { key => "-", value => "as the key says" }
     ParameterChange {
         request => "-",
-        former => "as the key says",
-        value => "as the key says",
         accepted => "-",
         key => "-",
+        former => "as the key says",
+        value => "as the key says",
         reason => "-",
     }
     NodeStatus {

@@ -3,12 +3,12 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use clap::{Args, Subcommand};
+use clap::{Arg, ArgAction, Args, Subcommand};
 use node::config::{Listed, Place, suggestion_or};
-use node::control::{Connection, Failure, Request};
-use node::say::{mention, say};
-use node::{Settings, Tunable, clock};
-use serde_json::{Value, json};
+use node::control::{self, Connection, Failure, Request};
+use node::say::{complain, mention, say, wrapped};
+use node::{Choice, Clock, Settings, Tunable, clock};
+use serde_json::{Map, Value, json};
 
 use crate::robot::{Node, Robot};
 use crate::table::{cut, number, table};
@@ -36,64 +36,150 @@ enum Verb {
     List {
         #[command(flatten)]
         robot: Which,
-        /// The node
-        node: String,
+        /// The node [default: all]
+        #[arg(value_parser = control::node_name)]
+        node: Option<String>,
         /// Print one JSON array
         #[arg(long)]
         json: bool,
     },
     /// Print one parameter's value
-    #[command(after_help = "Example:\n  teseo param get controller wall_following.speed_m_s")]
+    #[command(
+        after_help = "Example:\n  teseo param get controller wall_following.speed_m_s",
+        arg = Arg::new("hide-type").long("hide-type").action(ArgAction::SetTrue).hide(true)
+    )]
     Get {
         #[command(flatten)]
-        robot: Which,
-        /// The node
-        node: String,
-        /// The parameter's dotted key
-        key: String,
+        one: One,
     },
     /// Change a parameter from now until the node starts anew; the change is an event
-    #[command(after_help = "Example:\n  teseo param set controller wall_following.speed_m_s 0.1")]
+    #[command(
+        after_help = "Examples:\n  teseo param set controller wall_following.speed_m_s 0.1\n  \
+                            teseo param set simulator lidar.noise gazebo"
+    )]
     Set {
+        #[command(flatten)]
+        one: One,
+        /// The value: a number in the unit at the key's end, a word, true or false
+        #[arg(allow_negative_numbers = true)]
+        value: String,
+    },
+    /// Tell everything about a parameter
+    #[command(after_help = "Example:\n  teseo param describe odometry track_m")]
+    Describe {
+        #[command(flatten)]
+        one: One,
+    },
+    /// Print a node's parameters as they are by now, as a file of parameters
+    #[command(after_help = "Example:\n  teseo param dump controller > controller.toml")]
+    Dump {
         #[command(flatten)]
         robot: Which,
         /// The node
+        #[arg(value_parser = control::node_name)]
         node: String,
-        /// The parameter's dotted key
-        key: String,
-        /// The value, in the unit at the key's end
-        #[arg(allow_negative_numbers = true)]
-        value: f64,
     },
+    /// Change all parameters of a node to what a file says, where they are something else
+    #[command(after_help = "Example:\n  teseo param load controller controller.toml")]
+    Load {
+        #[command(flatten)]
+        robot: Which,
+        /// The node
+        #[arg(value_parser = control::node_name)]
+        node: String,
+        /// As `param dump` prints it; what it does not have stays as it is
+        file: PathBuf,
+    },
+}
+
+/// Which parameter of which node.
+#[derive(Debug, Args)]
+struct One {
+    #[command(flatten)]
+    robot: Which,
+    /// The node
+    #[arg(value_parser = control::node_name)]
+    node: String,
+    /// The parameter's dotted key
+    key: String,
 }
 
 impl Parameters {
     pub(crate) fn carry_out(&self, know: Know) -> Result<u8, Failure> {
         match &self.verb {
-            Verb::List { robot, node, json } => {
+            Verb::List { robot, node: Some(node), json } => {
                 let robot = robot.find()?;
-                let node = robot.node(node)?;
+                list(&robot, robot.node(node)?, *json, know)?;
+            }
+            Verb::List { robot, node: None, json } => list_all(&robot.find()?, *json, know)?,
+            Verb::Get { one } => {
+                let robot = one.robot.find()?;
+                let node = robot.node(&one.node)?;
                 let all = all(&robot, node, know)?;
-                if *json {
-                    let all: Vec<_> = all.iter().map(Parameter::json).collect();
-                    say(&json!(all).to_string())?;
-                } else {
-                    let rows: Vec<_> = all.iter().map(Parameter::cells).collect();
-                    say(&table(&["PARAMETER", "VALUE", "MAY BE", "DEFAULT", "FROM"], &rows))?;
+                say(&shown(&find(&all, &node.name, &one.key)?.value))?;
+                mention_newer_files(&robot, node, &all);
+            }
+            Verb::Set { one, value } => {
+                let robot = one.robot.find()?;
+                let node = robot.node(&one.node)?;
+                // A node that is none of ours knows its parameters alone.
+                if let Ok(all) = all(&robot, node, know) {
+                    check_tunable(&robot, node, find(&all, &node.name, &one.key)?)?;
                 }
+                say(&set(&robot, &node.name, &one.key, value)?)?;
+            }
+            Verb::Describe { one } => {
+                let robot = one.robot.find()?;
+                let node = robot.node(&one.node)?;
+                let all = all(&robot, node, know)?;
+                say(&find(&all, &node.name, &one.key)?.described(&node.name))?;
                 mention_newer_files(&robot, node, &all);
             }
-            Verb::Get { robot, node, key } => {
+            Verb::Dump { robot, node } => {
                 let robot = robot.find()?;
                 let node = robot.node(node)?;
-                let all = all(&robot, node, know)?;
-                say(&shown(&find(&all, &node.name, key)?.value))?;
-                mention_newer_files(&robot, node, &all);
+                say(&dumped(&all(&robot, node, know)?))?;
             }
-            Verb::Set { robot, node, key, value } => set(&robot.find()?, node, key, *value)?,
+            Verb::Load { robot, node, file } => {
+                let robot = robot.find()?;
+                let node = robot.node(node)?;
+                return load(&robot, node, &all(&robot, node, know)?, file);
+            }
         }
         Ok(0)
     }
+}
+
+fn list(robot: &Robot, node: &Node, json: bool, know: Know) -> Result<(), Failure> {
+    let all = all(robot, node, know)?;
+    if json {
+        let all: Vec<_> = all.iter().map(Parameter::json).collect();
+        say(&json!(all).to_string())?;
+    } else {
+        let rows: Vec<_> = all.iter().map(Parameter::cells).collect();
+        say(&table(&["PARAMETER", "VALUE", "MAY BE", "DEFAULT", "FROM"], &rows))?;
+    }
+    mention_newer_files(robot, node, &all);
+    Ok(())
+}
+
+/// Of all nodes that have any, under the name of each.
+fn list_all(robot: &Robot, json: bool, know: Know) -> Result<(), Failure> {
+    let mut told = Map::new();
+    let mut is_first = true;
+    for node in &robot.nodes {
+        let Ok(all) = all(robot, node, know) else { continue };
+        if json {
+            told.insert(node.name.clone(), all.iter().map(Parameter::json).collect());
+            continue;
+        }
+        if !std::mem::replace(&mut is_first, false) {
+            say("")?;
+        }
+        say(&format!("{}:", node.name))?;
+        list(robot, node, false, know)?;
+    }
+    if json { say(&Value::Object(told).to_string()) } else { Ok(()) }
 }
 
 /// One parameter of a node that runs.
@@ -147,18 +233,107 @@ fn find<'a>(all: &'a [Parameter], node: &str, key: &str) -> Result<&'a Parameter
     })
 }
 
-fn set(robot: &Robot, node: &str, key: &str, value: f64) -> Result<(), Failure> {
-    if !value.is_finite() {
-        return Err(Failure::Refused(format!("{value} is no finite number")));
-    }
-    let request = Request::Set { node: node.to_owned(), key: key.to_owned(), value };
+/// Asks for it; says what has become of it.
+fn set(robot: &Robot, node: &str, key: &str, value: &str) -> Result<String, Failure> {
+    let request = Request::Set { node: node.to_owned(), key: key.to_owned(), value: value.into() };
     let answer = Connection::open(&robot.namespace, &request)?.answer()?;
-    let former = answer["parameter"]["former"].as_f64().unwrap_or_default();
-    let (former, value) = (number(former), number(value));
-    say(&format!(
-        "{node}: {key} {former} -> {value}, until {node} starts anew; for good: --set \
+    let parameter = &answer["parameter"];
+    let (former, value) = (shown(&parameter["former"]), shown(&parameter["value"]));
+    Ok(wrapped(&format!(
+        "{node}: {key} {former} -> {value}, until it starts anew; for good: --set \
          {node}.{key}={value}, or its file"
-    ))
+    )))
+}
+
+/// Refuses what is read only when the node starts, and says how it is changed all the same. In
+/// lock-step nothing is changed, which the supervisor says.
+fn check_tunable(robot: &Robot, node: &Node, parameter: &Parameter) -> Result<(), Failure> {
+    if parameter.tunable.is_some() || robot.clock == Clock::Lockstep {
+        return Ok(());
+    }
+    let (name, key) = (&node.name, &parameter.key);
+    let why = if key.starts_with("deadman.") {
+        "is what stops the robot, and cannot be changed while the node runs"
+    } else {
+        "is read when the node starts, and cannot be changed while it runs"
+    };
+    let file = match &parameter.from {
+        From::Place(Place::Line { file, line, .. }) => format!("{}:{line}", file.display()),
+        From::Place(Place::Setting(_)) => {
+            let how = "`--set` gave it: `teseo down`, and `teseo up` with another";
+            return Err(Failure::Refused(format!("{name}: {key} {why}; {how}")));
+        }
+        From::Place(_) | From::Change => robot.config().display().to_string(),
+    };
+    // A node in its supervisor's process goes by what that one has read.
+    let is_thread = node.json["pid"] == robot.json["supervisor"];
+    let then = if is_thread {
+        "`teseo down` and `teseo up`".to_owned()
+    } else {
+        format!("`teseo restart {name}`")
+    };
+    Err(Failure::Refused(format!("{name}: {key} {why}; write it to {file}, then {then}")))
+}
+
+/// As a file of parameters, a line for each. What is absent has none.
+fn dumped(all: &[Parameter]) -> String {
+    let present = all.iter().filter(|parameter| !parameter.value.is_null());
+    // What JSON has for text, numbers and lists TOML has too.
+    let line = |parameter: &Parameter| format!("{} = {}", parameter.key, parameter.value);
+    present.map(line).collect::<Vec<_>>().join("\n")
+}
+
+/// Changes what `file` says otherwise; the exit code is 1 where something of that is not to be.
+fn load(robot: &Robot, node: &Node, all: &[Parameter], file: &Path) -> Result<u8, Failure> {
+    let failed = |cause: String| Failure::Refused(format!("{}: {cause}", file.display()));
+    let text = std::fs::read_to_string(file).map_err(|cause| failed(cause.to_string()))?;
+    let tree: Value = toml::from_str(&text).map_err(|cause| failed(cause.message().to_owned()))?;
+    let mut wanted = Vec::new();
+    flatten(&tree, String::new(), &mut wanted);
+    let (mut code, mut changes) = (0, 0);
+    for (key, value) in wanted {
+        let outcome = find(all, &node.name, &key).and_then(|parameter| {
+            if same(&parameter.value, &value) {
+                return Ok(None);
+            }
+            check_tunable(robot, node, parameter)?;
+            set(robot, &node.name, &key, &shown(&value)).map(Some)
+        });
+        match outcome {
+            Ok(None) => {}
+            Ok(Some(told)) => {
+                changes += 1;
+                say(&told)?;
+            }
+            Err(failure @ Failure::Refused(_)) => {
+                complain(&failure);
+                code = failure.code();
+            }
+            Err(failure) => return Err(failure),
+        }
+    }
+    if changes == 0 && code == 0 {
+        say(&format!("{} goes by that already", node.name))?;
+    }
+    Ok(code)
+}
+
+/// The keys of a tree, dotted, with their values.
+fn flatten(tree: &Value, key: String, all: &mut Vec<(String, Value)>) {
+    match tree {
+        Value::Object(table) => {
+            for (step, value) in table {
+                let dot = if key.is_empty() { "" } else { "." };
+                flatten(value, format!("{key}{dot}{step}"), all);
+            }
+        }
+        value => all.push((key, value.clone())),
+    }
+}
+
+/// Whether the two say the same: `2` is `2.0`.
+fn same(one: &Value, other: &Value) -> bool {
+    one == other || one.as_f64().zip(other.as_f64()).is_some_and(|(a, b)| a.total_cmp(&b).is_eq())
 }
 
 /// A node was told what its files said when it started, and nobody knows that any more where they have
@@ -205,17 +380,45 @@ impl Robot {
 
 impl Parameter {
     fn cells(&self) -> Vec<String> {
-        let range = self.tunable.map(|tunable| &tunable.range);
         vec![
             self.key.clone(),
             self.measured(),
-            range.map_or_else(
-                || "-".to_owned(),
-                |range| format!("{}..{}", number(*range.start()), number(*range.end())),
-            ),
+            match self.tunable.map(|tunable| &tunable.to) {
+                // They are too long for a column; `param describe` has them.
+                Some(Choice::Word(words)) => format!("{} words", words.len()),
+                Some(to) => choice(to),
+                None => "-".to_owned(),
+            },
             if self.default == self.value { "-".to_owned() } else { shown(&self.default) },
             self.source(),
         ]
+    }
+
+    fn described(&self, node: &str) -> String {
+        let kind = match &self.value {
+            Value::Bool(_) => "true or false",
+            Value::Number(_) => "a number",
+            Value::String(_) => "a word",
+            _ => "more than one value, or none",
+        };
+        let may = match self.tunable {
+            Some(tunable) => choice(&tunable.to),
+            None => "nothing else while the node runs".to_owned(),
+        };
+        let place = match &self.from {
+            From::Place(place) => place.to_string(),
+            From::Change => "param set".to_owned(),
+        };
+        let (value, default) = (shown(&self.value), shown(&self.default));
+        let unit = match unit(&self.key) {
+            "-" => String::new(),
+            unit => format!(" {unit}"),
+        };
+        format!(
+            "{node} {}\nis        {kind}\nvalue     {value}{unit}\nmay be    {may}\n\
+             default   {default}{unit}\nfrom      {place}",
+            self.key
+        )
     }
 
     /// The value with its unit.
@@ -242,7 +445,12 @@ impl Parameter {
     }
 
     fn json(&self) -> Value {
-        let range = self.tunable.map(|tunable| [*tunable.range.start(), *tunable.range.end()]);
+        let (mut range, mut words) = (None, None);
+        match self.tunable.map(|tunable| &tunable.to) {
+            Some(Choice::Number(numbers)) => range = Some([*numbers.start(), *numbers.end()]),
+            Some(Choice::Word(allowed)) => words = Some(*allowed),
+            Some(Choice::Switch) | None => {}
+        }
         let place = match &self.from {
             From::Place(place) => place.to_string(),
             From::Change => "param set".to_owned(),
@@ -251,10 +459,21 @@ impl Parameter {
             "key": self.key,
             "value": self.value,
             "unit": unit(&self.key),
+            "tunable": self.tunable.is_some(),
             "range": range,
+            "words": words,
             "default": self.default,
             "from": place,
         })
+    }
+}
+
+/// What it may be changed to.
+fn choice(choice: &Choice) -> String {
+    match choice {
+        Choice::Number(range) => format!("{}..{}", number(*range.start()), number(*range.end())),
+        Choice::Word(words) => words.join(", "),
+        Choice::Switch => "true, false".to_owned(),
     }
 }
 
@@ -308,6 +527,28 @@ mod tests {
         ] {
             assert_eq!(unit(key), expected, "{key}");
         }
+    }
+
+    #[test]
+    fn what_is_dumped_is_a_file_of_parameters() {
+        let parameter = |key: &str, value: Value| Parameter {
+            key: key.to_owned(),
+            default: value.clone(),
+            value,
+            from: From::Change,
+            tunable: None,
+        };
+        let all = [
+            parameter("algorithm", json!("wall_following")),
+            parameter("wall_following.angular_max_rad_s", Value::Null),
+            parameter("wall_following.speed_m_s", json!(0.15)),
+        ];
+        let text = dumped(&all);
+        assert_eq!(text, "algorithm = \"wall_following\"\nwall_following.speed_m_s = 0.15");
+        let mut keys = Vec::new();
+        flatten(&toml::from_str(&text).unwrap(), String::new(), &mut keys);
+        assert_eq!(keys[1], ("wall_following.speed_m_s".to_owned(), json!(0.15)));
+        assert!(same(&json!(2), &json!(2.0)) && !same(&json!("2"), &json!(2)));
     }
 
     #[test]

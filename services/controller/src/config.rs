@@ -137,20 +137,22 @@ pub struct CorridorConfig {
     pub gain_heading_1_s: f64,
 }
 
-/// What may be changed while the robot drives: speeds, gains, and the distance to the wall. What says
-/// when a robot stops, where its commands go, or what it is made of, may not.
-pub static TUNABLES: [Tunable; 11] = [
-    Tunable { key: "wall_following.target_distance_m", range: 0.15..=0.5 },
-    Tunable { key: "wall_following.gain_proportional_rad_s_m", range: 0.0..=20.0 },
-    Tunable { key: "wall_following.gain_derivative_rad_m", range: 0.0..=20.0 },
-    Tunable { key: "wall_following.speed_m_s", range: 0.01..=0.22 },
-    Tunable { key: "wall_following.turn_speed_rad_s", range: 0.1..=2.0 },
-    Tunable { key: "wall_following.fixed_front_speed_m_s", range: 0.01..=0.22 },
-    Tunable { key: "corridor_following.speed_m_s", range: 0.01..=0.22 },
-    Tunable { key: "corridor_following.acceleration_m_s2", range: 0.05..=2.0 },
-    Tunable { key: "corridor_following.angular_max_rad_s", range: 0.1..=2.84 },
-    Tunable { key: "corridor_following.gain_offset_rad_m", range: 0.1..=20.0 },
-    Tunable { key: "corridor_following.gain_heading_1_s", range: 0.1..=20.0 },
+/// What may be changed while the robot drives: who follows, speeds, gains, and the distance to the wall.
+/// What says when a robot stops, where its commands go, or what it is made of, may not.
+pub static TUNABLES: [Tunable; 13] = [
+    Tunable::word("algorithm", &["wall_following", "corridor_following"]),
+    Tunable::word("wall_following.distances", &["windows", "beams"]),
+    Tunable::number("wall_following.target_distance_m", 0.15..=0.5),
+    Tunable::number("wall_following.gain_proportional_rad_s_m", 0.0..=20.0),
+    Tunable::number("wall_following.gain_derivative_rad_m", 0.0..=20.0),
+    Tunable::number("wall_following.speed_m_s", 0.01..=0.22),
+    Tunable::number("wall_following.turn_speed_rad_s", 0.1..=2.0),
+    Tunable::number("wall_following.fixed_front_speed_m_s", 0.01..=0.22),
+    Tunable::number("corridor_following.speed_m_s", 0.01..=0.22),
+    Tunable::number("corridor_following.acceleration_m_s2", 0.05..=2.0),
+    Tunable::number("corridor_following.angular_max_rad_s", 0.1..=2.84),
+    Tunable::number("corridor_following.gain_offset_rad_m", 0.1..=20.0),
+    Tunable::number("corridor_following.gain_heading_1_s", 0.1..=20.0),
 ];
 
 impl Parameters for Config {
@@ -359,6 +361,8 @@ fn not_too_great(key: &'static str, value: f64) -> Result<(), ConfigError> {
 
 #[cfg(test)]
 mod tests {
+    use node::Choice;
+
     use super::*;
 
     const LAB_SIMULATION: &str = include_str!("../../../config/controller/lab_simulation.toml");
@@ -379,9 +383,14 @@ mod tests {
 
     #[test]
     fn what_may_be_changed_on_the_way_is_there_and_may_be_all_that_its_range_says() {
-        for Tunable { key, range } in &TUNABLES {
-            for value in [range.start(), range.end()] {
-                parse(&format!("{key} = {value:?}"));
+        for Tunable { key, to } in &TUNABLES {
+            let values = match to {
+                Choice::Number(range) => vec![range.start().to_string(), range.end().to_string()],
+                Choice::Word(words) => words.iter().map(|word| format!("{word:?}")).collect(),
+                Choice::Switch => vec!["true".to_owned(), "false".to_owned()],
+            };
+            for value in values {
+                parse(&format!("{key} = {value}"));
             }
         }
     }

@@ -56,6 +56,7 @@ pub enum Activity {
 #[derive(Debug, Clone)]
 pub struct Controller {
     follower: Follower,
+    seed: u64,
     scan_time: Timeline,
     odometry_time: Timeline,
     blind: bool,
@@ -66,6 +67,20 @@ pub struct Controller {
 enum Follower {
     Wall(Box<WallFollowing>),
     Corridor(Box<CorridorFollowing>),
+}
+
+impl Follower {
+    fn new(config: &Config, seed: u64) -> Self {
+        match config.algorithm {
+            Algorithm::WallFollowing => {
+                Self::Wall(Box::new(WallFollowing::new(&config.wall_following, seed)))
+            }
+            Algorithm::CorridorFollowing => {
+                let following = CorridorFollowing::new(&config.corridor_following, seed);
+                Self::Corridor(Box::new(following))
+            }
+        }
+    }
 }
 
 /// How the robot shall move.
@@ -86,17 +101,9 @@ impl Controller {
     pub fn new(config: &Config) -> Result<Self, ConfigError> {
         config.validate()?;
         let seed = config.seed;
-        let follower = match config.algorithm {
-            Algorithm::WallFollowing => {
-                Follower::Wall(Box::new(WallFollowing::new(&config.wall_following, seed)))
-            }
-            Algorithm::CorridorFollowing => {
-                let following = CorridorFollowing::new(&config.corridor_following, seed);
-                Follower::Corridor(Box::new(following))
-            }
-        };
+        let follower = Follower::new(config, seed);
         let (scan_time, odometry_time) = (Timeline::default(), Timeline::default());
-        Ok(Self { follower, scan_time, odometry_time, blind: true })
+        Ok(Self { follower, seed, scan_time, odometry_time, blind: true })
     }
 
     /// The command for the newest pair of samples, stamped with the newer of the two; or why they
@@ -172,12 +179,16 @@ impl Controller {
     }
 
     /// From now on drives by the speeds, gains and distances of `config`, and remembers what it has
-    /// seen. What else `config` says, the algorithm and the seed among it, changes nothing.
+    /// seen, unless another one follows: that one has seen nothing yet. What else `config` says, the
+    /// seed among it, changes nothing.
     pub fn retune(&mut self, config: &Config) -> Result<(), ConfigError> {
         config.validate()?;
-        match &mut self.follower {
-            Follower::Wall(wall) => wall.retune(&config.wall_following),
-            Follower::Corridor(corridor) => corridor.retune(&config.corridor_following),
+        match (&mut self.follower, config.algorithm) {
+            (Follower::Wall(wall), Algorithm::WallFollowing) => wall.retune(&config.wall_following),
+            (Follower::Corridor(corridor), Algorithm::CorridorFollowing) => {
+                corridor.retune(&config.corridor_following);
+            }
+            (follower, _) => *follower = Follower::new(config, self.seed),
         }
         Ok(())
     }
@@ -281,6 +292,39 @@ mod tests {
                 assert_eq!(motion.0, expected.linear, "{algorithm:?}, {jump}");
                 assert_eq!(motion.0, 0.0, "a wall ahead, {algorithm:?}, {jump}");
             }
+        }
+    }
+
+    #[test]
+    fn another_follower_takes_over_as_if_it_had_always_been_there_and_none_forgets_without_need() {
+        let mut near = blank(240, 50);
+        near.ranges_mut().fill(0.3);
+        let wall = Config { seed: 7, ..Config::default() };
+        let corridor = Config { algorithm: Algorithm::CorridorFollowing, ..wall.clone() };
+        let mut controller = Controller::new(&wall).unwrap();
+        controller.update(&near, &turned(0.0, 50)).unwrap();
+        controller.retune(&wall).unwrap();
+        let before = controller.activity();
+        controller.retune(&wall).unwrap();
+        assert_eq!(controller.activity(), before);
+
+        // A dead end, left by the side that the seed chooses: the launch file's, which is no parameter.
+        near.ranges_mut().fill(0.15);
+        for seed in 1..9 {
+            let corridor = Config { seed, ..corridor.clone() };
+            let mut controller = Controller::new(&corridor).unwrap();
+            controller.update(&near, &turned(0.0, 50)).unwrap();
+            controller.retune(&Config { seed: 0, ..wall.clone() }).unwrap();
+            let mut fresh = Controller::new(&Config { seed, ..wall.clone() }).unwrap();
+            let mut drive = |controller: &mut Controller| {
+                let times = [100, 150, 200];
+                times.map(|at| {
+                    near.header.stamp = stamp(at);
+                    controller.update(&near, &turned(0.0, at)).unwrap()
+                })
+            };
+            let commands = [drive(&mut controller), drive(&mut fresh)];
+            assert_eq!(commands[0], commands[1], "SEED={seed}");
         }
     }
 

@@ -20,8 +20,7 @@ use crate::{
 /// Runs the controller as a managed node.
 pub fn run(node: &mut Node<'_>) -> Result {
     let (config, controller) = load(node.settings())?;
-    let mut driver = Driver::new(node, controller, &config)?;
-    driver.tuning = tuning(node, &config)?;
+    let driver = Driver::new(node, controller, &config)?;
     match config.pacing {
         Pacing::EveryPair => every_pair(node, driver),
         Pacing::Timer => on_a_timer(node, driver, Duration::from_secs_f64(config.period_s)),
@@ -44,14 +43,6 @@ fn load(settings: &Settings) -> Result<(Config, Controller)> {
     let controller =
         Controller::new(&config).map_err(|cause| Error::Fault(format!("cannot drive: {cause}")))?;
     Ok((config, controller))
-}
-
-/// In lock-step nothing changes on the way: the same launch file would not give the same bytes.
-fn tuning(node: &mut Node<'_>, config: &Config) -> Result<Option<Tuning<Config>>> {
-    match node.clock() {
-        Clock::Lockstep => Ok(None),
-        Clock::Realtime => node.tuning(config.clone(), &TUNABLES).map(Some),
-    }
 }
 
 /// One command for each pair, as it comes: the lab's simulation.
@@ -116,7 +107,7 @@ struct Driver {
     gone: Gauge,
     refusals: Refusals,
     diary: Diary,
-    tuning: Option<Tuning<Config>>,
+    tuning: Tuning<Config>,
 }
 
 /// What became of a ticket.
@@ -153,14 +144,13 @@ impl Driver {
             gone: node.gauge("tickets_whose_sample_is_gone"),
             refusals: Refusals::new(node, "unfit", Unfit::ALL.map(Unfit::label)),
             diary: node.diary(&NOTED),
-            tuning: None,
+            tuning: node.tuning(config.clone(), &TUNABLES)?,
         })
     }
 
     /// Goes on by what was changed, if something was.
     fn retune(&mut self, node: &Node<'_>) -> Result {
-        let Some(tuning) = &mut self.tuning else { return Ok(()) };
-        let Some(config) = tuning.take(node)? else { return Ok(()) };
+        let Some(config) = self.tuning.take(node)? else { return Ok(()) };
         let retuned = self.controller.retune(config);
         retuned.map_err(|cause| Error::Fault(format!("cannot drive: {cause}")))
     }

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use node::Tunable;
 use node::config::{Parameters, Report};
 use serde::{Deserialize, Serialize};
 
@@ -42,6 +43,13 @@ impl Parameters for Config {
         }
     }
 }
+
+/// What may be changed while the robot drives. A person's is never shorter than the longest dead-man's time
+/// at the wheels.
+pub static TUNABLES: [Tunable; 2] = [
+    Tunable::number("teleop_timeout_ms", 500.0..=5_000.0),
+    Tunable::number("autonomy_timeout_ms", 100.0..=1_000.0),
+];
 
 impl Config {
     pub(crate) fn timeout(&self, source: Source) -> Duration {

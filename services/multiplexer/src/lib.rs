@@ -19,7 +19,7 @@ mod run;
 
 use interfaces::{Stamp, VelocityCommand};
 
-pub use config::Config;
+pub use config::{Config, TUNABLES};
 pub use run::{check, run};
 
 /// Who may command the robot; the more important, the earlier.
@@ -93,6 +93,11 @@ impl Multiplexer {
     /// One that has heard nobody yet.
     pub fn new(config: &Config) -> Self {
         Self { config: *config, lines: Default::default(), last: None, take_overs: 0 }
+    }
+
+    /// From now on waits for so long.
+    pub fn retune(&mut self, config: &Config) {
+        self.config = *config;
     }
 
     /// Takes a command of `source` as it was received, at `now`.

@@ -5,17 +5,22 @@ use interfaces::topics::{AUTONOMY_COMMAND, TELEOP_COMMAND, VELOCITY_COMMAND};
 use node::config::{self, Place};
 use node::{Clock, Gauge, Node, Result, Settings};
 
-use crate::{Config, Multiplexer, Source, Verdict};
+use crate::{Config, Multiplexer, Source, TUNABLES, Verdict};
 
 /// Runs the multiplexer as a managed node.
 pub fn run(node: &mut Node<'_>) -> Result {
-    let mut multiplexer = Multiplexer::new(&load(node.settings())?);
+    let config = load(node.settings())?;
+    let mut multiplexer = Multiplexer::new(&config);
+    let mut tuning = node.tuning(config, &TUNABLES)?;
     let mut teleop = node.subscribe(&TELEOP_COMMAND)?;
     let mut autonomy = node.subscribe(&AUTONOMY_COMMAND)?;
     // It says nothing of its own: a robot that no one drives yet is ready all the same.
     let mut commands = node.publish_on_event(&VELOCITY_COMMAND)?;
     let mut gauges = Gauges::new(node);
     while let Some(tick) = node.tick()? {
+        if let Some(config) = tuning.take(node)? {
+            multiplexer.retune(config);
+        }
         if !teleop.has_publisher() {
             multiplexer.leave(Source::Teleop);
         }

@@ -49,6 +49,6 @@ pub use error::{Error, Errors, Place};
 pub use layers::Layers;
 pub use likely::{likely, suggestion, suggestion_or};
 pub use listed::{Listable, Listed};
-pub(crate) use listed::{changed, number};
+pub(crate) use listed::{changed, value};
 pub use report::{Parameters, Report};
 pub use setting::Setting;

@@ -74,8 +74,8 @@ pub enum Request {
         node: String,
         /// Dotted, with its unit at the end.
         key: String,
-        /// [as the key says] The value.
-        value: f64,
+        /// [as the key says] The value: a number, a word, true or false.
+        value: Value,
     },
 }
 

@@ -6,11 +6,11 @@ mod process;
 use std::path::Path;
 use std::time::Duration;
 
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 pub use process::{Kind, Process, Restart, Strategy};
 
-use crate::config::{Errors, Layers, Listable, Listed, Parameters, Report, Setting};
+use crate::config::{Errors, Layers, Listable, Listed, Parameters, Report, Setting, Table};
 use crate::faults::FaultsByTopic;
 use crate::namespace::check_name;
 use crate::pairing::{self, offline::Algorithm};
@@ -39,7 +39,7 @@ pub struct Launch {
     pub wait: Option<Wait>,
     /// How scan and odometry are paired.
     #[serde(default)]
-    pub pairing: PairingParameters,
+    pairing: Table,
     /// The processes; where `after` and `requires` say nothing, they start in this order.
     pub process: Vec<Process>,
 }
@@ -54,8 +54,9 @@ pub enum Until {
     Goal,
 }
 
-/// How scan and odometry are paired.
-#[derive(Debug, Clone, Deserialize)]
+/// How scan and odometry are paired: the parameters of the pairing, which is no process of the launch
+/// file.
+#[derive(Debug, Clone, Deserialize, Serialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PairingParameters {
     /// Which of ROS 2's two algorithms.
@@ -92,7 +93,7 @@ const PROCESSES_MAX: usize = 24;
 const FAULTS: &str = "faults";
 
 /// The keys of a launch file that the command line can set.
-const KEYS: [&str; 7] = ["robot", "clock", "seed", "until", "for_s", "wait", "pairing"];
+const KEYS: [&str; 7] = ["robot", "clock", "seed", "until", "for_s", "wait", PAIRING];
 
 impl Launch {
     /// Reads the launch file at `path`, as changed by the command line's `sets`, or says everything
@@ -111,6 +112,8 @@ impl Launch {
         let mut errors = Errors::default();
         let read = Layers::new().file(path).settings(own).parse_and(|launch: &Self, report| {
             errors = launch.check_faults(sets, !report.is_mended("clock"));
+            let pairing = Layers::new().table(&launch.pairing).parse::<PairingParameters>();
+            errors.extend(pairing.err().into_iter().flatten());
             check(launch, report);
         });
         let launch = match read {
@@ -142,7 +145,9 @@ impl Launch {
         let own = sets.iter().filter_map(|set| set.within(name));
         let own: Vec<_> = own.filter(|set| set.scope() != FAULTS).collect();
         let mut layers = Layers::new();
-        if let Some(process) = self.process(name) {
+        if name == PAIRING {
+            layers = layers.table(&self.pairing);
+        } else if let Some(process) = self.process(name) {
             layers = layers.named(process.parameters_file.as_ref()).table(&process.parameters);
         }
         layers.settings(&own)
@@ -236,12 +241,14 @@ impl Parameters for Launch {
             process.check(&mut report.within(format!("process[{index}]")));
         }
         order::check(&self.process, report);
-        self.pairing.check(&mut report.within("pairing"));
     }
 }
 
+/// The one node that is no process of the launch file, and its table there.
+const PAIRING: &str = "pairing";
+
 /// Names that mean something else on a command line or in shared memory.
-const RESERVED: [&str; 3] = ["pairing", "supervisor", "wake"];
+const RESERVED: [&str; 3] = [PAIRING, "supervisor", "wake"];
 
 impl PairingParameters {
     /// As the pairing core knows it, for two topics.
@@ -266,7 +273,9 @@ impl PairingParameters {
             },
         }
     }
+}
 
+impl Parameters for PairingParameters {
     fn check(&self, report: &mut Report<'_>) {
         let Err(error) = pairing::Pairing::new(&self.config()) else { return };
         let key = match error {

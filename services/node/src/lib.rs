@@ -72,7 +72,7 @@ pub use notify::{Notifier, watchdog_period};
 pub use port::{Publisher, Sample, Subscriber};
 pub use refusals::Refusals;
 pub use session::{Held, Session};
-pub use tuning::{Tunable, Tuning};
+pub use tuning::{Choice, Tunable, Tuning};
 pub use wake::{Wait, Waiter};
 pub use wheels::{Heard, Wheels};
 pub use window::{Lookup, Recent, Window};

@@ -100,6 +100,21 @@ impl Pairing {
         Ok(Self { policy, limits, ledger, now: Stamp::ZERO, resets: 0, forced: 0 })
     }
 
+    /// From now on pairs by the slop, the age penalty, the greatest age and the greatest delay of
+    /// `config`. What waits goes on waiting; what else `config` says changes nothing.
+    pub fn retune(&mut self, config: &Config) -> Result<(), ConfigError> {
+        config.check()?;
+        match &mut self.policy {
+            Core::Nearest(nearest) => nearest.retune(config),
+            Core::Adaptive(adaptive) => adaptive.retune(config),
+        }
+        if let (Some(limits), Bounds::Limited { max_age, .. }) = (&mut self.limits, config.bounds) {
+            limits.max_age = max_age;
+            limits.timeline.retune(config, max_age);
+        }
+        Ok(())
+    }
+
     /// Takes one sample of `topic`, at its receive time, and says what comes of it: for `nearest`
     /// one pair at most, for `adaptive` any number.
     pub fn push(&mut self, topic: usize, entry: Entry) -> Outcome<'_> {

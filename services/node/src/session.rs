@@ -94,6 +94,11 @@ impl Session {
         Self { clock, ..self }
     }
 
+    /// Whose time the robot lives in.
+    pub(crate) const fn clock(&self) -> Clock {
+        self.clock
+    }
+
     /// Its name.
     pub fn name(&self) -> &str {
         &self.name

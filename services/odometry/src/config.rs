@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use node::Tunable;
 use node::config::{Parameters, Report};
 use serde::{Deserialize, Serialize};
 
@@ -127,6 +128,14 @@ const WHEEL_SPEED_MAX: f64 = 10_000.0;
 
 /// [s] After a minute nobody knows where a robot has been meanwhile.
 const GAP_MAX: f64 = 60.0;
+
+/// What may be changed while the robot drives: its measures, for one who calibrates it, and what is taken
+/// for a fault. What it measures, and where it started, may not.
+pub static TUNABLES: [Tunable; 3] = [
+    Tunable::number("wheel_radius_m", 0.01..=0.2),
+    Tunable::number("track_m", 0.05..=1.0),
+    Tunable::number("wheel_speed_max_rad_s", 5.0..=100.0),
+];
 
 impl Config {
     /// How far measurements may be apart.

@@ -11,7 +11,7 @@ mod poses;
 mod run;
 mod wheels;
 
-pub use config::{Config, Heading, Source, Turning};
+pub use config::{Config, Heading, Source, TUNABLES, Turning};
 pub use continuity::Rejected;
 pub use heading::{Headings, yaw};
 pub use poses::PoseOdometry;

@@ -24,9 +24,16 @@ pub struct PoseOdometry {
 impl PoseOdometry {
     /// A robot that has reported nothing yet.
     pub fn new(config: &Config) -> Self {
-        let speed_max = config.wheel_radius_m * config.wheel_speed_max_rad_s;
-        let angular_max = 2.0 * speed_max / config.track_m;
-        Self { speed_max, angular_max, poses: Continuity::new(config.stamp_gap_max()) }
+        let poses = Continuity::new(config.stamp_gap_max());
+        let mut odometry = Self { speed_max: 0.0, angular_max: 0.0, poses };
+        odometry.retune(config);
+        odometry
+    }
+
+    /// From now on judges by the measures and the greatest speed of `config`.
+    pub fn retune(&mut self, config: &Config) {
+        self.speed_max = config.wheel_radius_m * config.wheel_speed_max_rad_s;
+        self.angular_max = 2.0 * self.speed_max / config.track_m;
     }
 
     /// Writes the reported pose and the velocity since the one before into `odometry`. False, and

@@ -4,7 +4,7 @@ use interfaces::Odometry;
 use interfaces::topics::{IMU, JOINT_STATES, ODOMETRY, ROBOT_POSE};
 use node::{Clock, Diary, Gauge, Node, Refusals, Result, Settings};
 
-use crate::{Config, Heading, Headings, PoseOdometry, Rejected, Source, WheelOdometry};
+use crate::{Config, Heading, Headings, PoseOdometry, Rejected, Source, TUNABLES, WheelOdometry};
 
 /// Runs odometry as a managed node.
 pub fn run(node: &mut Node<'_>) -> Result {
@@ -32,8 +32,12 @@ fn from_wheels(node: &mut Node<'_>, config: &Config) -> Result {
     let mut gauges = Gauges::new(node);
     let age = (node.clock() == Clock::Realtime).then(|| node.latency("age"));
     let mut core = WheelOdometry::new(config);
+    let mut tuning = node.tuning(*config, &TUNABLES)?;
     let mut sample = Odometry::default();
     while node.tick()?.is_some() {
+        if let Some(config) = tuning.take(node)? {
+            core.retune(config);
+        }
         while let Some(wheels) = wheels.receive()? {
             while let Some(imu) = gyro.as_mut().map_or(Ok(None), node::Subscriber::receive)? {
                 headings.keep(&imu);
@@ -60,8 +64,12 @@ fn from_poses(node: &mut Node<'_>, config: &Config) -> Result {
     let mut odometry = node.publish(&ODOMETRY)?;
     let mut gauges = Gauges::new(node);
     let mut core = PoseOdometry::new(config);
+    let mut tuning = node.tuning(*config, &TUNABLES)?;
     let mut sample = Odometry::default();
     while node.tick()?.is_some() {
+        if let Some(config) = tuning.take(node)? {
+            core.retune(config);
+        }
         while let Some(reported) = poses.receive()? {
             match core.update(&reported, &mut sample) {
                 Ok(true) => {

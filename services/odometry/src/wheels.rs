@@ -48,6 +48,14 @@ impl WheelOdometry {
         }
     }
 
+    /// From now on goes by the measures and the greatest speed of `config`; where the robot is by now
+    /// stays. What else `config` says changes nothing.
+    pub fn retune(&mut self, config: &Config) {
+        self.wheel_radius = config.wheel_radius_m;
+        self.track = config.track_m;
+        self.speed_max = config.wheel_speed_max_rad_s;
+    }
+
     /// Moves on by what the wheels turned since the sample before, on an exact arc, and writes pose
     /// and velocity into `odometry`. A sample that is rejected writes nothing, moves nothing, and
     /// is compared with nothing good.

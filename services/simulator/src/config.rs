@@ -4,7 +4,7 @@ use std::fmt;
 
 use interfaces::BEAMS_MAX;
 use node::config::{FileName, Parameters, Report};
-use node::deadman;
+use node::{Tunable, deadman};
 use serde::{Deserialize, Serialize};
 
 use crate::{Noise, WheelLimit};
@@ -128,6 +128,13 @@ impl Config {
         self.lidar.validate(self.robot_radius_m)
     }
 }
+
+/// What may be changed while the robot drives: what its sensor is like, and whether a touch ends the run.
+/// What the world and the robot are made of may not, nor what stops the robot.
+pub static TUNABLES: [Tunable; 2] = [
+    Tunable::word("lidar.noise", &["ideal", "gazebo", "lds01"]),
+    Tunable::switch("stop_at_collision"),
+];
 
 impl LidarConfig {
     fn validate(&self, robot_radius: f64) -> Result<(), ConfigError> {

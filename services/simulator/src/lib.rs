@@ -25,7 +25,7 @@ mod world;
 use interfaces::{JointState, LaserScan, Pose, Stamp};
 use nalgebra::Isometry2;
 
-pub use config::{Config, ConfigError, LidarConfig};
+pub use config::{Config, ConfigError, LidarConfig, TUNABLES};
 pub use crowd::{Crowd, Overlap};
 pub use drive::WheelLimit;
 pub use estimate::PoseError;
@@ -114,6 +114,11 @@ impl Simulator {
     pub fn fill_joint_state(&mut self, joint_state: &mut JointState) {
         joint_state.header.stamp = self.time();
         self.drive.fill(joint_state);
+    }
+
+    /// From now on the LiDAR errs like this.
+    pub fn set_noise(&mut self, noise: Noise) {
+        self.lidar.set_noise(noise);
     }
 
     /// From now on other robots are there.

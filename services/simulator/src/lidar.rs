@@ -8,7 +8,7 @@ use nalgebra::{Isometry2, Vector2};
 
 use crate::discs::{Beams, Disc};
 use crate::geometry::Walls;
-use crate::noise::RangeNoise;
+use crate::noise::{Noise, RangeNoise};
 use crate::raster::{Eye, Raster};
 use crate::{Config, LidarConfig};
 
@@ -42,6 +42,10 @@ impl Lidar {
             reach,
             noise: RangeNoise::new(lidar.noise, config.seed),
         }
+    }
+
+    pub(crate) const fn set_noise(&mut self, noise: Noise) {
+        self.noise.set(noise);
     }
 
     /// Measures into `scan`, which is new, or was measured into before: what has no beam is zero and

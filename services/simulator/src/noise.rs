@@ -38,6 +38,11 @@ impl RangeNoise {
         Self { noise, bias, random }
     }
 
+    /// Errs like this from now on; its bias stays.
+    pub(crate) const fn set(&mut self, noise: Noise) {
+        self.noise = noise;
+    }
+
     /// Whether every measurement is the range itself.
     pub(crate) fn is_ideal(&self) -> bool {
         self.noise == Noise::Ideal

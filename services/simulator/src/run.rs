@@ -8,10 +8,11 @@ use node::config::{self, Layers, Place};
 use node::deadman::Motion;
 use node::launch::Until;
 use node::{
-    Clock, Diary, Error, Gauge, Latency, Node, Publisher, Result, Settings, Subscriber, Wheels,
+    Clock, Diary, Error, Gauge, Latency, Node, Publisher, Result, Settings, Subscriber, Tuning,
+    Wheels,
 };
 
-use crate::{Config, Simulator, World};
+use crate::{Config, Simulator, TUNABLES, World};
 
 /// In lock-step one lost command stalls everything: better to end and say so.
 const COMMAND_TIMEOUT: Duration = Duration::from_secs(10);
@@ -106,6 +107,7 @@ fn realtime(node: &mut Node<'_>, mut robot: Robot, config: &Config) -> Result {
             robot.report_rest(Some(tick.now))?;
             pace.start(tick.now);
         }
+        robot.retune(node)?;
         robot.wheels.attend(node, tick.now, tick.now)?;
         while let Some((command, verdict)) = robot.wheels.hear(tick.now)? {
             if verdict.is_ok() {
@@ -198,6 +200,7 @@ struct Robot {
     /// Of the last step.
     motion: Motion,
     diary: Diary,
+    tuning: Tuning<Config>,
 }
 
 impl Robot {
@@ -228,7 +231,17 @@ impl Robot {
             gauges,
             motion: Motion::ZERO,
             diary: node.diary(&NOTED),
+            tuning: node.tuning(config.clone(), &TUNABLES)?,
         })
+    }
+
+    /// Goes on by what was changed, if something was.
+    fn retune(&mut self, node: &Node<'_>) -> Result {
+        if let Some(config) = self.tuning.take(node)? {
+            self.simulator.set_noise(config.lidar.noise);
+            self.stop_at_collision = config.stop_at_collision;
+        }
+        Ok(())
     }
 
     /// One step of driving; the estimated pose is compared before, as the lab does.

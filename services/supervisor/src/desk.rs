@@ -178,7 +178,7 @@ impl Supervisor<'_> {
             }
             Request::Set { node, key, value } => {
                 if let Ok(Some(node)) = self.find(client, Some(&node)) {
-                    self.ask_to_set(client, node, &key, value);
+                    self.ask_to_set(client, node, &key, &value);
                 }
             }
             Request::Stop { node } => {

@@ -46,7 +46,7 @@ mod verdict;
 use std::process::ExitCode;
 
 pub use options::Options;
-pub use pairing::run as pairing;
+pub use pairing::{TUNABLES as PAIRING_TUNABLES, run as pairing};
 pub use shown::Shown;
 pub use verb::Verb;
 pub use verbs::{Goal, find, steer};

@@ -2,15 +2,26 @@
 
 use interfaces::topics::{ODOMETRY, SCAN, SENSOR_PAIR};
 use interfaces::{Header, SensorPair, Stamp};
+use node::launch::PairingParameters;
 use node::pairing::{ODOMETRIES, Outcome, Pairing, Reason, SCANS, SensorPairing, write_ticket};
-use node::{Clock, Error, Gauge, Latency, Node, Publisher, Result};
+use node::{Clock, Error, Gauge, Latency, Node, Publisher, Result, Tunable};
+
+/// What may be changed while the robot drives: what belongs together, and how long it is waited for. The
+/// algorithm and the length of its queues are what it is made of.
+pub static TUNABLES: [Tunable; 4] = [
+    Tunable::number("slop_ms", 1.0..=500.0),
+    Tunable::number("age_penalty", 0.0..=10.0),
+    Tunable::number("max_age_ms", 50.0..=5_000.0),
+    Tunable::number("max_delay_ms", 0.0..=1_000.0),
+];
 
 /// Runs the pairing as a managed node: it has a loop of its own, so that starting or reaping a
 /// process never delays a pair.
 pub fn run(node: &mut Node<'_>) -> Result {
-    let config = node.settings().launch().pairing.config();
-    let mut pairing = SensorPairing::new(&config)
-        .map_err(|cause| Error::Fault(format!("cannot pair: {cause}")))?;
+    let parameters: PairingParameters = node.parameters()?;
+    let unfit = |cause| Error::Fault(format!("cannot pair: {cause}"));
+    let mut pairing = SensorPairing::new(&parameters.config()).map_err(unfit)?;
+    let mut tuning = node.tuning(parameters, &TUNABLES)?;
     let mut scans = node.subscribe(&SCAN)?;
     let mut odometry = node.subscribe(&ODOMETRY)?;
     let mut tickets = node.publish(&SENSOR_PAIR)?;
@@ -18,6 +29,9 @@ pub fn run(node: &mut Node<'_>) -> Result {
     let clock = node.clock();
     let age = (clock == Clock::Realtime).then(|| node.latency("age"));
     while let Some(tick) = node.tick()? {
+        if let Some(parameters) = tuning.take(node)? {
+            pairing.retune(&parameters.config()).map_err(unfit)?;
+        }
         while let Some(scan) = scans.receive()? {
             let received = received(clock, tick.now, &scan.header);
             send(

@@ -32,7 +32,7 @@ struct Line {
     sent: u64,
     /// What was changed in this life of the node.
     epoch: u32,
-    changed: BTreeMap<String, f64>,
+    changed: BTreeMap<String, Value>,
 }
 
 #[derive(Debug)]
@@ -73,8 +73,8 @@ impl Tuning {
 
 impl Supervisor<'_> {
     /// Passes on what `client` asks of a node's parameter, or says why not.
-    pub(crate) fn ask_to_set(&mut self, client: ClientId, node: usize, key: &str, value: f64) {
-        let asked = self.send_to(node, key, value);
+    pub(crate) fn ask_to_set(&mut self, client: ClientId, node: usize, key: &str, value: &Value) {
+        let asked = typed(value).and_then(|value| self.send_to(node, key, &value));
         match asked {
             Ok(request) => {
                 let until = clock::now().after(PATIENCE);
@@ -84,7 +84,7 @@ impl Supervisor<'_> {
         }
     }
 
-    fn send_to(&mut self, node: usize, key: &str, value: f64) -> std::result::Result<u64, String> {
+    fn send_to(&mut self, node: usize, key: &str, value: &str) -> std::result::Result<u64, String> {
         let name = &self.names[node];
         if self.settings.clock() == Clock::Lockstep {
             return Err("in lock-step nothing is changed on the way, or the same launch file \
@@ -105,8 +105,8 @@ impl Supervisor<'_> {
         let request = line.sent;
         let sent = line.requests.send_with(|request| {
             request.header.stamp = clock::now();
-            request.value = value;
             request.key = Text::new(key);
+            request.value = Text::new(value);
         });
         sent.map_err(|error| error.to_string())?;
         line.sent += 1;
@@ -137,7 +137,7 @@ impl Supervisor<'_> {
         let Some(line) = self.tuning.lines.get_mut(&node) else { return Ok(None) };
         let Some(change) = line.answers.receive()? else { return Ok(None) };
         if change.accepted == 1 && change.header.epoch == line.epoch {
-            line.changed.insert(change.key.to_string(), change.value);
+            line.changed.insert(change.key.to_string(), meant(&change.value));
         }
         Ok(Some(*change))
     }
@@ -146,8 +146,8 @@ impl Supervisor<'_> {
         let text = sentence(change);
         let details = json!({
             "key": change.key.as_str(),
-            "former": change.former,
-            "value": change.value,
+            "former": meant(&change.former),
+            "value": meant(&change.value),
             "accepted": change.accepted == 1,
             "reason": change.reason.as_str(),
         });
@@ -170,9 +170,28 @@ impl Supervisor<'_> {
     }
 }
 
+/// As somebody would type it.
+fn typed(value: &Value) -> std::result::Result<String, String> {
+    match value {
+        Value::String(text) if text.len() <= Text::CAPACITY => Ok(text.clone()),
+        Value::Number(_) | Value::Bool(_) => Ok(value.to_string()),
+        _ => Err("a value is a number, a word, true or false".to_owned()),
+    }
+}
+
+/// What it says: a number, true or false, nothing, or else a word.
+fn meant(text: &Text) -> Value {
+    let scalar = |value: &Value| value.is_number() || value.is_boolean();
+    match text.as_str() {
+        "" => Value::Null,
+        text => serde_json::from_str(text).ok().filter(scalar).unwrap_or_else(|| text.into()),
+    }
+}
+
 fn sentence(change: &ParameterChange) -> String {
-    let (key, former, value) = (&change.key, change.former, change.value);
+    let (key, former, value) = (&change.key, &change.former, &change.value);
     if change.accepted == 1 {
+        let former = if former.is_empty() { "nothing" } else { former.as_str() };
         format!("{key} {former} -> {value}")
     } else {
         format!("refused {key} = {value}, which {}", change.reason)

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use node::config::{Parameters, Report};
-use node::deadman;
+use node::{Tunable, deadman};
 use serde::{Deserialize, Serialize};
 
 use crate::lidar::Model;
@@ -108,6 +108,11 @@ impl Parameters for Config {
         self.deadman.check("deadman", report);
     }
 }
+
+/// What may be changed while the robot drives: which of the LiDAR's returns are believed. Its ports, its
+/// directions and what stops it may not.
+pub static TUNABLES: [Tunable; 2] =
+    [Tunable::switch("near_filter"), Tunable::number("lidar_range_min_m", 0.05..=1.0)];
 
 impl Config {
     /// Between two readings of the board.

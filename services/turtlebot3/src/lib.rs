@@ -21,5 +21,5 @@ pub mod table;
 #[cfg(test)]
 mod vectors;
 
-pub use config::{Config, LidarChoice, PositiveTurn};
+pub use config::{Config, LidarChoice, PositiveTurn, TUNABLES};
 pub use run::{check, run};

@@ -111,6 +111,14 @@ impl Lidar {
         Self { model, decoder }
     }
 
+    /// From now on filters near ranges or does not; see [`Lidar::new`].
+    pub const fn set_near_filter(&mut self, near_filter: bool) {
+        match &mut self.decoder {
+            Decoder::Lds01(_) => {}
+            Decoder::Lds02(decoder) => decoder.set_near_filter(near_filter),
+        }
+    }
+
     /// Which it is.
     pub fn model(&self) -> Model {
         self.model

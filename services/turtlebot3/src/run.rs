@@ -9,10 +9,10 @@ use std::time::Duration;
 use interfaces::{Outcome, Stamp};
 use node::{Error, Latency, Node, Result, Settings, Wheels};
 
-use crate::Config;
 use crate::board::Wish;
 use crate::config::PositiveTurn;
 use crate::table::{FIRMWARE_ANGULAR_MAX, FIRMWARE_LINEAR_MAX, Words};
+use crate::{Config, TUNABLES};
 use desk::BoardDesk;
 use eye::LidarDesk;
 
@@ -24,6 +24,7 @@ pub fn run(node: &mut Node<'_>) -> Result {
     let config: Config = load(node.settings())?;
     let mut bridge = Bridge::new(node, &config)?;
     node.set_period(config.read_period());
+    let mut tuning = node.tuning(config, &TUNABLES)?;
     let mut over = None;
     while let Some(tick) = node.tick()? {
         if tick.activated {
@@ -33,6 +34,9 @@ pub fn run(node: &mut Node<'_>) -> Result {
         if over.is_some_and(|over| over <= tick.now) {
             over = None;
             node.finish(Outcome::Done, "the time is over")?;
+        }
+        if let Some(config) = tuning.take(node)? {
+            bridge.lidar.retune(config);
         }
         bridge.wheels.attend(node, tick.now, tick.now)?;
         while let Some((command, verdict)) = bridge.wheels.hear(tick.now)? {

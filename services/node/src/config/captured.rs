@@ -85,6 +85,7 @@ impl<'de> Deserialize<'de> for FileName {
             (Kind::String(name), Some(origin)) => {
                 Ok(Self { path: origin.directory().join(name), origin: Some(origin) })
             }
+            (Kind::String(name), None) => Ok(name.into()),
             (Kind::Invented(_), _) => Ok(Self::default()),
             (kind, _) => Err(D::Error::invalid_type(kind.unexpected(), &"a file name in quotes")),
         }
@@ -112,7 +113,7 @@ impl Value {
 
 struct Capture;
 
-impl Visitor<'_> for Capture {
+impl<'de> Visitor<'de> for Capture {
     type Value = ();
 
     fn expecting(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -120,6 +121,13 @@ impl Visitor<'_> for Capture {
     }
 
     fn visit_unit<E>(self) -> Result<(), E> {
+        Ok(())
+    }
+
+    /// From no configuration file: the name is whole already.
+    fn visit_newtype_struct<D: Deserializer<'de>>(self, deserializer: D) -> Result<(), D::Error> {
+        let name = String::deserialize(deserializer)?;
+        hand_over(&Value { kind: Kind::String(name), origin: None });
         Ok(())
     }
 }

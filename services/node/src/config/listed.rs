@@ -32,20 +32,24 @@ pub(super) fn listed<T: Listable>(merged: &Value, parsed: &T) -> Vec<Listed> {
     all
 }
 
-/// `parameters` with another number at `key`, or why that cannot be. What serde skips is as by
+/// `parameters` with another value at `key`, or why that cannot be. What serde skips is as by
 /// default.
-pub(crate) fn changed<T: Listable>(parameters: &T, key: &str, number: f64) -> Result<T, String> {
+pub(crate) fn changed<T: Listable>(
+    parameters: &T,
+    key: &str,
+    value: serde_json::Value,
+) -> Result<T, String> {
     let mut tree = serde_json::to_value(parameters).map_err(|cause| cause.to_string())?;
-    *find(&mut tree, key).ok_or("there is no such key")? = number.into();
+    *find(&mut tree, key).ok_or("there is no such key")? = value;
     let changed: T = serde_json::from_value(tree).map_err(|cause| cause.to_string())?;
     let (nowhere, mut errors) = (Value::table(None), Vec::new());
     changed.check(&mut Report::new(&nowhere, &mut errors));
     errors.first().map_or(Ok(changed), |error| Err(error.message.clone()))
 }
 
-/// The number at `key`, if there is one.
-pub(crate) fn number<T: Listable>(parameters: &T, key: &str) -> Option<f64> {
-    find(&mut serde_json::to_value(parameters).ok()?, key)?.as_f64()
+/// The value at `key`, if there is one.
+pub(crate) fn value<T: Listable>(parameters: &T, key: &str) -> Option<serde_json::Value> {
+    find(&mut serde_json::to_value(parameters).ok()?, key).cloned()
 }
 
 fn find<'a>(tree: &'a mut serde_json::Value, key: &str) -> Option<&'a mut serde_json::Value> {
@@ -78,7 +82,9 @@ fn walk(
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Layers, Setting};
+    use serde_json::json;
+
+    use super::super::{FileName, Layers, Setting};
     use super::*;
 
     #[derive(Debug, Default, serde::Deserialize, Serialize)]
@@ -86,6 +92,7 @@ mod tests {
     struct Robot {
         drive: Drive,
         name: Option<String>,
+        world: FileName,
     }
 
     #[derive(Debug, Default, serde::Deserialize, Serialize)]
@@ -104,16 +111,23 @@ mod tests {
     }
 
     #[test]
-    fn one_number_is_changed_where_the_parameters_own_check_allows_it() {
+    fn one_value_is_changed_where_the_parameters_own_check_allows_it() {
         let slow = Robot::default();
 
-        let fast = changed(&slow, "drive.speed_m_s", 0.2).unwrap();
-        assert_eq!(number(&fast, "drive.speed_m_s"), Some(0.2));
-        assert_eq!(number(&fast, "drive.gain"), Some(0.0));
-        let refusal = changed(&slow, "drive.speed_m_s", -1.0).unwrap_err();
+        let fast = changed(&slow, "drive.speed_m_s", json!(0.2)).unwrap();
+        assert_eq!(value(&fast, "drive.speed_m_s"), Some(json!(0.2)));
+        assert_eq!(value(&fast, "drive.gain"), Some(json!(0.0)));
+        let refusal = changed(&slow, "drive.speed_m_s", json!(-1.0)).unwrap_err();
         assert_eq!(refusal, "must not be negative");
-        assert!(changed(&slow, "drive.sped", 1.0).is_err());
-        assert!(changed(&slow, "drive", 1.0).is_err());
+        assert!(changed(&slow, "drive.sped", json!(1.0)).is_err());
+        assert!(changed(&slow, "drive", json!(1.0)).is_err());
+        // What was absent may come.
+        let named = changed(&slow, "name", json!("burger")).unwrap();
+        assert_eq!(named.name.as_deref(), Some("burger"));
+        // A file's name stays what it is, whole as it is.
+        let placed = Robot { world: "worlds/lab.toml".into(), ..Robot::default() };
+        let faster = changed(&placed, "drive.speed_m_s", json!(0.3)).unwrap();
+        assert_eq!(faster.world, placed.world);
     }
 
     #[test]
@@ -122,7 +136,7 @@ mod tests {
         let all = Layers::new().settings([&set]).listed::<Robot>().unwrap();
 
         let keys: Vec<_> = all.iter().map(|one| one.key.as_str()).collect();
-        assert_eq!(keys, ["drive.gain", "drive.speed_m_s", "name"]);
+        assert_eq!(keys, ["drive.gain", "drive.speed_m_s", "name", "world"]);
         assert_eq!((all[1].value.as_f64(), all[1].default.as_f64()), (Some(0.2), Some(0.0)));
         assert_eq!(all[1].place, Place::Setting("drive.speed_m_s=0.2".to_owned()));
         assert_eq!((&all[0].place, &all[2].value), (&Place::Default, &serde_json::Value::Null));

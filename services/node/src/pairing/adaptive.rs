@@ -11,7 +11,7 @@ use std::time::Duration;
 use interfaces::Stamp;
 
 use super::{
-    Bounds, Config, Entry, Reason, TOPICS_MAX, factor::Factor, nanoseconds, outcome::Ledger,
+    Bounds, Config, Entry, Policy, Reason, TOPICS_MAX, factor::Factor, nanoseconds, outcome::Ledger,
 };
 
 /// Lanes of samples in the order of their arrival, and the search for the best set.
@@ -88,6 +88,17 @@ impl Adaptive {
                 Bounds::Unlimited => None,
                 Bounds::Limited { max_delay, .. } => Some(nanoseconds(max_delay)),
             },
+        }
+    }
+
+    /// A set that was found before may still go out, as it would have.
+    pub(super) fn retune(&mut self, config: &Config) {
+        self.slop = nanoseconds(config.slop);
+        if let Policy::Adaptive { age_penalty, .. } = config.policy {
+            self.penalty = Factor::new(1.0 + age_penalty);
+        }
+        if let Bounds::Limited { max_delay, .. } = config.bounds {
+            self.max_delay = Some(nanoseconds(max_delay));
         }
     }
 

@@ -70,6 +70,10 @@ impl Nearest {
         }
     }
 
+    pub(super) fn retune(&mut self, config: &Config) {
+        self.slop = nanoseconds(config.slop);
+    }
+
     pub(super) fn push(&mut self, topic: usize, entry: Entry, ledger: &mut Ledger) {
         let Some(position) = self.insert(topic, entry, ledger) else { return };
         let found = if self.queues.len() == 2 {

@@ -23,14 +23,14 @@ use std::io::{self, Write};
 use std::time::Duration;
 
 use clap::ValueEnum;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use super::{Bounds, ConfigError};
 pub use replay::{Loss, Replay, TopicBooks, replay};
 pub use stream::{Event, Stream};
 
 /// Which algorithm, by name.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize, ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum Algorithm {
     /// `nearest`, of ROS 2's Python.

@@ -23,6 +23,11 @@ impl SensorPairing {
         Ok(Self { pairing: Pairing::new(config)?, lives: [0; 2] })
     }
 
+    /// See [`Pairing::retune`].
+    pub fn retune(&mut self, config: &Config) -> Result<(), ConfigError> {
+        self.pairing.retune(config)
+    }
+
     /// Takes one sample, as it was received, and says what comes of it.
     pub fn push(&mut self, topic: usize, header: &Header, received: Stamp) -> Outcome<'_> {
         let &Header { stamp, sequence, epoch, .. } = header;

@@ -64,6 +64,11 @@ impl Timeline {
         }
     }
 
+    pub(super) fn retune(&mut self, config: &Config, max_age: Duration) {
+        self.slop = nanoseconds(config.slop);
+        self.patience = nanoseconds(max_age);
+    }
+
     pub(super) fn judge(&mut self, topic: usize, stamp: Stamp, now: Stamp) -> Verdict {
         let (stamp, now) = (stamp.nanoseconds, now.nanoseconds);
         if self.is_straggler(topic, stamp, now) {

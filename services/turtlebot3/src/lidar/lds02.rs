@@ -141,6 +141,11 @@ impl Lds02 {
         }
     }
 
+    /// Of the turns that are not over yet.
+    pub(super) const fn set_near_filter(&mut self, near_filter: bool) {
+        self.near_filter = near_filter;
+    }
+
     pub(super) fn hear(&mut self, now: Stamp, bytes: &[u8]) {
         self.heard = now;
         self.framer.push(bytes);

@@ -83,6 +83,13 @@ impl LidarDesk {
         Ok(())
     }
 
+    /// From now on believes these of the returns.
+    pub(super) fn retune(&mut self, config: &Config) {
+        self.near_filter = config.near_filter;
+        self.range_min = config.lidar_range_min_m;
+        self.lidar.set_near_filter(config.near_filter);
+    }
+
     /// Nobody has listened for a while.
     pub(super) fn restart(&mut self) {
         self.line.close(Stamp::ZERO);
