@@ -61,7 +61,6 @@ pub struct Node<'a> {
     events: Publisher<TransitionEvent>,
     status: Publisher<NodeStatus>,
     status_due: Stamp,
-    greeting_due: Stamp,
     report: Box<NodeStatus>,
     ports: Ports,
     figures: Figures,
@@ -107,7 +106,6 @@ impl<'a> Node<'a> {
             events: session.publisher(&TRANSITION_EVENT)?,
             status: session.publisher(&STATUS)?,
             status_due: Stamp::ZERO,
-            greeting_due: Stamp::ZERO,
             report,
             ports: Ports::default(),
             figures: Figures::default(),
@@ -326,7 +324,7 @@ impl<'a> Node<'a> {
             {
                 return self.turn(now).map(Some);
             }
-            self.greet(now)?;
+            self.greet()?;
             self.wait(now)?;
             waited = true;
         }
@@ -376,14 +374,11 @@ impl<'a> Node<'a> {
         self.waiter.wait(until)
     }
 
-    /// Tells those who have come late what they have missed, now and then.
-    fn greet(&mut self, now: Stamp) -> Result {
-        if self.greeting_due <= now {
-            self.greeting_due = now.after(STATUS_PERIOD);
-            self.events.greet()?;
-            self.status.greet()?;
-        }
-        Ok(())
+    /// Tells those who have come late what they have missed. Where nobody has come it is one look at a
+    /// counter.
+    fn greet(&self) -> Result {
+        self.events.greet()?;
+        self.status.greet()
     }
 
     /// Calls `body` for each `configure`, until the node is shut down.
@@ -417,7 +412,7 @@ impl<'a> Node<'a> {
                 Some((Transition::Configure, _)) => return Ok(true),
                 Some((Transition::ShutdownUnconfigured, _)) => return Ok(false),
                 Some(_) | None => {
-                    self.greet(now)?;
+                    self.greet()?;
                     self.wait(now)?;
                 }
             }

@@ -11,9 +11,6 @@ use crate::{EmergencyStop, Gauge, Node, Publisher, Refusals, Result, Sample, Sub
 /// The emergency stop is looked for this often: a fifth of what a stop may take.
 const LATCH_PERIOD: Duration = Duration::from_millis(10);
 
-/// Those who have come late are told this often.
-const GREETING_PERIOD: Duration = Duration::from_millis(100);
-
 /// A command, and what the dead-man says to it.
 pub type Heard = (Sample<VelocityCommand>, std::result::Result<(), Rejection>);
 
@@ -31,7 +28,6 @@ pub struct Wheels {
     has_news: bool,
     latch: EmergencyStop,
     latch_due: Stamp,
-    greeting_due: Stamp,
     refusals: Refusals,
     trips: Gauge,
 }
@@ -50,7 +46,6 @@ impl Wheels {
             has_news: false,
             latch: EmergencyStop::of(&node.settings().namespace()?),
             latch_due: Stamp::ZERO,
-            greeting_due: Stamp::ZERO,
             refusals: Refusals::new(node, "rejected", Rejection::ALL.map(Rejection::key)),
             trips: node.gauge("dead_man_trips"),
         })
@@ -86,11 +81,7 @@ impl Wheels {
         if std::mem::take(&mut self.has_news) {
             node.hint("MOTION");
         }
-        if self.greeting_due <= now {
-            self.greeting_due = now.after(GREETING_PERIOD);
-            self.state.greet()?;
-        }
-        Ok(())
+        self.state.greet()
     }
 
     /// The next command that was received, as the dead-man takes it.

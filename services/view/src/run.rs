@@ -19,8 +19,9 @@ use crate::state::State;
 use crate::svg::svg;
 use crate::terminal::Screen;
 
-/// Between two frames.
-const PERIOD: Duration = Duration::from_millis(50);
+/// Between two frames. As often as people follow, and no oftener: each costs a millisecond of a processor,
+/// in which a robot at 1 kHz may want it.
+const PERIOD: Duration = Duration::from_millis(100);
 
 /// How long the last picture of a robot stays that is down: it came to its end while somebody looked.
 const AFTERGLOW: Duration = Duration::from_secs(2);

@@ -17,6 +17,9 @@ use crate::{Which, refused};
 /// Between two looks at what has come: half a queue of a topic at 1 kHz.
 const POLL: Duration = Duration::from_millis(5);
 
+/// The same until the first has come, which somebody waits for.
+const POLL_FIRST: Duration = Duration::from_millis(1);
+
 /// What to print of which topic.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  teseo topic echo odom --once\n  \
@@ -69,7 +72,7 @@ pub(super) fn echo(options: &Options) -> Result<u8, Failure> {
             }
         }
         check_presence(&robot)?;
-        clock::nap(POLL);
+        clock::nap(if printer.printed == 0 { POLL_FIRST } else { POLL });
     }
 }
 
