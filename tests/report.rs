@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
+use std::time::Duration;
 
 use serde_json::Value;
 
@@ -85,9 +86,20 @@ fn in_real_time_a_node_that_died_is_told_of() {
     let directory = robot.folder("run");
     let calm = "simulator.stop_at_collision=false";
     let arguments = ["up", "config/lab_robot.toml", "--set", calm, "--report", &directory];
-    let run = robot.start(&arguments).await_count("READY", 1);
+    let run = robot.start(&arguments).await_count("READY", 1).go_on(Duration::from_secs(1));
     run.node("controller").signal(rustix::process::Signal::KILL);
     run.await_count("READY", 2).stop();
+    // What it had noted until then is there, and what its next life noted goes on after it.
+    let rows = |life| {
+        let path = Path::new(&directory).join(format!("controller.{life}.diary.csv"));
+        let text = fs::read_to_string(path).unwrap();
+        let stamps =
+            text.lines().skip(1).map(|row| row.split(',').next().unwrap().parse().unwrap());
+        stamps.collect::<Vec<f64>>()
+    };
+    let (first, second) = (rows(1), rows(2));
+    assert!(10 < first.len() && first.is_sorted(), "{first:?}");
+    assert!(first.last() < second.first(), "{first:?} {second:?}");
     let page = page(&directory);
     assert!(page.contains("failed: was killed by signal 9 (SIGKILL)"));
     assert!(page.contains("controller: age") && page.contains("where it was"));

@@ -62,7 +62,7 @@ pub use arguments::{
     uncounted_epoch,
 };
 pub use clock::Clock;
-pub use diary::{Diary, RECORDS};
+pub use diary::{Diary, RECORDS, save_diaries_of_the_dead};
 pub use error::{Error, Result};
 pub use estop::EmergencyStop;
 pub use figures::{Gauge, Latency};

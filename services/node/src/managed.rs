@@ -422,6 +422,7 @@ impl<'a> Node<'a> {
     fn fail(&mut self, error: Error) -> Result {
         let reason = error.to_string();
         let line = reason.lines().next().unwrap_or_default();
+        self.records.write(&self.figures);
         if self.state == State::Configuring {
             self.change(State::Unconfigured, line)?;
         } else {

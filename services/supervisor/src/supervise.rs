@@ -488,6 +488,7 @@ impl<'a> Supervisor<'a> {
         }
         if let Some(records) = self.options.records() {
             self.history.write(&records.join(EVENTS))?;
+            node::save_diaries_of_the_dead(&self.namespace, records)?;
             render(records)?;
         }
         self.desk.end(&verdict, report.code());

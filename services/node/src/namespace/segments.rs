@@ -84,8 +84,13 @@ impl Namespace {
         Ok(())
     }
 
+    /// A file of the robot's in shared memory.
+    pub(crate) fn segment(&self, name: &str) -> PathBuf {
+        PathBuf::from(SHARED_MEMORY).join(format!("{}{name}", self.prefix))
+    }
+
     /// The robot's files in shared memory.
-    pub(super) fn segments(&self) -> impl Iterator<Item = PathBuf> {
+    pub(crate) fn segments(&self) -> impl Iterator<Item = PathBuf> {
         let prefix = self.prefix.clone().into_bytes();
         let all = fs::read_dir(SHARED_MEMORY).into_iter().flatten().flatten();
         all.filter(move |entry| entry.file_name().as_encoded_bytes().starts_with(&prefix))
