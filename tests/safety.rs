@@ -83,7 +83,8 @@ fn when_the_controller_hangs_the_robot_stops_and_hears_the_old_life_no_more() {
 #[test]
 fn who_trips_too_often_waits_for_a_person() {
     alone(|robot| {
-        let run = driving(robot);
+        let file = robot.launch_file_from(LAB_ROBOT, &[("watchdog_ms = 500\n", "")]);
+        let run = robot.start_up(&[&file]).await_count("READY", 1);
         let session = Session::join(&robot.namespace(), "witness", 1).unwrap();
         let mut witness = Witness::new(&session);
         let controller = run.node("controller");
@@ -94,6 +95,13 @@ fn who_trips_too_often_waits_for_a_person() {
             assert_eq!(held.needs_person, u8::from(trip == 4), "at trip {trip}");
             controller.signal(Signal::CONT);
         }
+        let run = run.go_on(Duration::from_secs(1));
+        assert_eq!(motion(robot)["permission"], "held");
+
+        // Whoever drives the wheels next knows of it.
+        run.node("simulator").signal(Signal::KILL);
+        let held = witness.await_state(Permission::Held, StopCause::NotArmed);
+        assert_eq!((held.header.epoch, held.needs_person), (2, 1));
         let run = run.go_on(Duration::from_secs(1));
         assert_eq!(motion(robot)["permission"], "held");
 

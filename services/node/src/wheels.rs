@@ -1,5 +1,7 @@
 //! The wires of a dead-man: what every node that drives wheels hears, asks and tells.
 
+use std::fs::{self, File};
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use interfaces::topics::{MOTION_REQUEST, MOTION_STATE, VELOCITY_COMMAND};
@@ -10,6 +12,9 @@ use crate::{EmergencyStop, Gauge, Node, Publisher, Refusals, Result, Sample, Sub
 
 /// The emergency stop is looked for this often: a fifth of what a stop may take.
 const LATCH_PERIOD: Duration = Duration::from_millis(10);
+
+/// The file in the robot's directory that is there while a person has to arm it.
+const UNARMED: &str = "unarmed";
 
 /// A command, and what the dead-man says to it.
 pub type Heard = (Sample<VelocityCommand>, std::result::Result<(), Rejection>);
@@ -28,6 +33,9 @@ pub struct Wheels {
     has_news: bool,
     latch: EmergencyStop,
     latch_due: Stamp,
+    /// Where the next life of this node finds that a person has to arm the robot.
+    unarmed: PathBuf,
+    needs_person: bool,
     refusals: Refusals,
     trips: Gauge,
 }
@@ -35,25 +43,29 @@ pub struct Wheels {
 impl Wheels {
     /// Opens the topics of a robot at rest.
     pub fn new(node: &mut Node<'_>, config: &Config) -> Result<Self> {
+        let namespace = node.settings().namespace()?;
+        let unarmed = namespace.directory().join(UNARMED);
         Ok(Self {
             config: *config,
-            dead_man: DeadMan::new(config),
+            dead_man: dead_man(config, &unarmed),
+            needs_person: unarmed.exists(),
+            unarmed,
             has_drive: true,
             commands: node.subscribe(&VELOCITY_COMMAND)?,
             requests: node.subscribe(&MOTION_REQUEST)?,
             state: node.publish_on_event(&MOTION_STATE)?,
             told: 0,
             has_news: false,
-            latch: EmergencyStop::of(&node.settings().namespace()?),
+            latch: EmergencyStop::of(&namespace),
             latch_due: Stamp::ZERO,
             refusals: Refusals::new(node, "rejected", Rejection::ALL.map(Rejection::key)),
             trips: node.gauge("dead_man_trips"),
         })
     }
 
-    /// The node was activated: nothing that was before counts.
+    /// The node was activated: of what was before nothing counts but that a person has to arm the robot.
     pub fn restart(&mut self) {
-        self.dead_man = DeadMan::new(&self.config);
+        self.dead_man = dead_man(&self.config, &self.unarmed);
         self.dead_man.set_drive(Stamp::ZERO, self.has_drive);
         self.told = 0;
     }
@@ -135,9 +147,31 @@ impl Wheels {
         self.has_news = true;
         self.trips.set(self.dead_man.trips() as f64);
         let dead_man = &self.dead_man;
+        let mut needs_person = false;
         self.state.send_with(|state| {
             state.header.stamp = time;
             dead_man.describe(time, state);
-        })
+            needs_person = state.needs_person == 1;
+        })?;
+        self.remember(needs_person);
+        Ok(())
     }
+
+    /// Tells the next life of this node whether a person has to arm the robot.
+    fn remember(&mut self, needs_person: bool) {
+        if std::mem::replace(&mut self.needs_person, needs_person) == needs_person {
+            return;
+        }
+        let path = &self.unarmed;
+        let outcome =
+            if needs_person { File::create(path).map(drop) } else { fs::remove_file(path) };
+        if let Err(cause) = outcome {
+            tracing::warn!(%cause, path = %path.display(), "whether a person has to arm it is lost");
+        }
+    }
+}
+
+/// Of a robot at rest, which a person has to arm where one had to before.
+fn dead_man(config: &Config, unarmed: &Path) -> DeadMan {
+    DeadMan::new(&Config { start_armed: config.start_armed && !unarmed.exists(), ..*config })
 }
