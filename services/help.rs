@@ -61,7 +61,11 @@ fn page(verb: &[String]) -> Result<Vec<u8>, Failure> {
     for word in verb {
         let found = command.find_subcommand(word).cloned();
         command = found.ok_or_else(|| {
-            let words: Vec<_> = command.get_subcommands().map(clap::Command::get_name).collect();
+            let words: Vec<_> = command
+                .get_subcommands()
+                .filter(|verb| !verb.is_hide_set())
+                .map(clap::Command::get_name)
+                .collect();
             let help = node::config::suggestion(word, &words);
             Failure::Refused(format!("there is no verb `{word}`; {help}"))
         })?;

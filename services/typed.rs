@@ -8,7 +8,7 @@ use node::config::likely;
 use crate::Command;
 
 /// Words of ROS 2 and of other programs, and what does the same here.
-const ELSEWHERE: [(&str, &str); 19] = [
+const ELSEWHERE: [(&str, &str); 23] = [
     ("run", "`teseo up FILE`"),
     ("bag", "`teseo up FILE --report DIR`"),
     ("record", "`teseo up FILE --report DIR`"),
@@ -27,6 +27,10 @@ const ELSEWHERE: [(&str, &str); 19] = [
     ("shutdown", "`teseo down`"),
     ("quit", "`teseo down`"),
     ("clean", "`teseo clear`"),
+    ("service", "`teseo param`, `arm`, `estop`: there are no services"),
+    ("action", "`teseo up FILE --until round-trip`: there are no actions"),
+    ("tf", "`teseo topic echo odom`: a topic has one frame"),
+    ("wtf", "`teseo doctor`"),
     ("version", "`teseo --version`"),
 ];
 

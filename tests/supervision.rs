@@ -316,6 +316,18 @@ fn the_verbs_see_and_steer_a_running_robot() {
     robot.assert_nothing_left();
 }
 
+// It failed where a node that lacks its input was waited for like one on its way.
+#[test]
+fn one_started_beside_a_node_that_is_down_is_there_and_said_to_send_nothing() {
+    let robot = Robot::new();
+    let run = ready(&robot, &[]);
+    verb(&robot, &["stop", "pairing"], 0);
+    verb(&robot, &["stop", "controller"], 0);
+    verb(&robot, &["start", "controller"], 0)
+        .assert_says(&["controller is active, but sends nothing on cmd_vel"]);
+    run.stop();
+}
+
 #[test]
 fn detached_a_robot_runs_on_until_it_is_taken_down() {
     let robot = Robot::new();

@@ -137,6 +137,19 @@ pub fn find(name: Option<&str>) -> Result<Namespace, Failure> {
     }
 }
 
+/// That the robot does not run, and which ones do.
+pub fn not_running(namespace: &Namespace) -> Failure {
+    let all = Namespace::all_under(&Namespace::runtime_directory());
+    let running: Vec<_> =
+        all.iter().filter(|other| is_running(other)).map(Namespace::robot).collect();
+    let others = match &running[..] {
+        [] => String::new(),
+        [other] => format!("; '{other}' is"),
+        others => format!("; these are: {}", others.join(", ")),
+    };
+    Failure::NotRunning(format!("robot '{}' is not running{others}", namespace.robot()))
+}
+
 /// Whether somebody holds the robot or listens for it.
 pub fn is_running(namespace: &Namespace) -> bool {
     UnixStream::connect(socket(namespace)).is_ok() || guardian(namespace).is_some()
@@ -196,7 +209,7 @@ impl Connection {
                 return Err(Failure::Refused(format!("cannot reach robot '{robot}': {cause}")));
             }
             let Some(guardian) = guardian(namespace) else {
-                return Err(Failure::NotRunning(format!("robot '{robot}' is not running")));
+                return Err(not_running(namespace));
             };
             if until <= clock::now() {
                 return Err(silent(robot, Some(guardian)));

@@ -95,16 +95,16 @@ impl Desk {
         }
     }
 
-    /// Answers those whose node stands where they want it.
-    pub(crate) fn settle(&mut self, stands: impl Fn(usize, Goal) -> bool) {
+    /// Answers those whose node stands where they want it, with what there is to say of it.
+    pub(crate) fn settle(&mut self, stands: impl Fn(usize, Goal) -> Option<Value>) {
         for Waiting { client, wants } in std::mem::take(&mut self.waiting) {
-            match wants {
-                Wants::Node { node, goal } if stands(node, goal) => {
-                    self.answer(client, &json!({ "ok": true }));
-                }
-                Wants::Node { .. } | Wants::Events(_) | Wants::Lines(_) | Wants::End => {
-                    self.waiting.push(Waiting { client, wants });
-                }
+            let answer = match wants {
+                Wants::Node { node, goal } => stands(node, goal),
+                Wants::Events(_) | Wants::Lines(_) | Wants::End => None,
+            };
+            match answer {
+                Some(answer) => self.answer(client, &answer),
+                None => self.waiting.push(Waiting { client, wants }),
             }
         }
     }

@@ -72,9 +72,13 @@ impl Flow {
 
     /// The topic that has stalled, if one has.
     pub(crate) fn stalled(&self, now: Stamp) -> Option<&str> {
-        let is_told = self.told == Told::Stalled;
+        self.overdue(now).filter(|_| self.told == Told::Stalled)
+    }
+
+    /// A topic that carries nothing, and should have for longer than its slowest publisher takes.
+    pub(crate) fn overdue(&self, now: Stamp) -> Option<&str> {
         let stalled = self.topics.iter().find(|topic| topic.is_stalled(now));
-        stalled.filter(|_| is_told).map(|topic| topic.name.as_str())
+        stalled.map(|topic| topic.name.as_str())
     }
 
     /// [Hz] Each topic and how often it carries a sample, where that is known yet.

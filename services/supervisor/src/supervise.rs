@@ -11,6 +11,7 @@ use interfaces::{Stamp, State, Transition};
 use node::{Held, Namespace, Notifier, Result, Session, Settings, Unfinished, clock, signal};
 use rustix::event::{PollFd, PollFlags, Timespec};
 use rustix::process::Signal;
+use serde_json::json;
 
 use crate::control::Control;
 use crate::desk::{Desk, Goal};
@@ -406,9 +407,12 @@ impl<'a> Supervisor<'a> {
 
     /// Answers those whose node has come to where they asked it to.
     fn settle(&mut self) {
-        let (machine, members) = (&self.machine, &self.members);
+        let (machine, members, now) = (&self.machine, &self.members, clock::now());
+        // Who is active and sends nothing for a while may lack what he works on: that is told.
+        let silent = |node: usize| members[node].flow.overdue(now);
         let is_moving = |node| match machine.node(node).doing {
-            Doing::Starting | Doing::Stopping | Doing::Waiting { .. } | Doing::Stalled => true,
+            Doing::Starting | Doing::Stopping | Doing::Waiting { .. } => true,
+            Doing::Stalled => silent(node).is_none(),
             Doing::Running | Doing::Stopped | Doing::Ended => false,
         };
         // Those that went down with it come up again after it.
@@ -416,9 +420,11 @@ impl<'a> Supervisor<'a> {
         self.desk.settle(|node, goal| match goal {
             Goal::Active { epoch } => {
                 let view = machine.node(node);
-                epoch <= view.epoch && view.state == State::Active && is_settled
+                let is_there = epoch <= view.epoch && view.state == State::Active && is_settled;
+                let silent = silent(node).filter(|_| view.doing == Doing::Stalled);
+                is_there.then(|| json!({ "ok": true, "silent": silent }))
             }
-            Goal::Down => !members[node].lives(),
+            Goal::Down => (!members[node].lives()).then(|| json!({ "ok": true })),
         });
     }
 

@@ -234,10 +234,8 @@ impl OneNode {
 /// Where there is none, says so; the code is what to exit with.
 pub fn find(name: Option<&str>) -> Result<Namespace, ExitCode> {
     let found = control::find(name).and_then(|namespace| {
-        let robot = namespace.robot();
-        let absent = || Failure::NotRunning(format!("robot '{robot}' is not running"));
-        control::is_running(&namespace).then_some(()).ok_or_else(absent)?;
-        Ok(namespace)
+        let is_running = control::is_running(&namespace);
+        if is_running { Ok(namespace) } else { Err(control::not_running(&namespace)) }
     });
     found.map_err(|failure| {
         say::complain(&failure);

@@ -50,6 +50,8 @@ pub enum Event {
     },
     /// It measures its gyro's bias, and says nothing for up to 5 s.
     Calibrating,
+    /// It has, or at least says something again.
+    Calibrated,
     /// It says how it is.
     Read(Reading, Told),
     /// Nobody can be talked to any more; [`Board::reset`] begins anew.
@@ -270,7 +272,10 @@ impl Board {
                     return Some(Event::Calibrating);
                 }
             }
-            Answer::Written if self.stage == Stage::Calibrating => self.run(now),
+            Answer::Written if self.stage == Stage::Calibrating => {
+                self.run(now);
+                return Some(Event::Calibrated);
+            }
             Answer::Written => {
                 if request.address == ADDRESS_COMMAND {
                     self.told = Some(self.asked);
@@ -303,7 +308,7 @@ impl Board {
         if self.stage == Stage::Calibrating && failure == Failure::TimedOut {
             // Some firmware forgets to answer; the next question will show.
             self.run(Stamp::ZERO);
-            return None;
+            return Some(Event::Calibrated);
         }
         self.told = None;
         self.failures += 1;

@@ -21,7 +21,10 @@ const POLL: Duration = Duration::from_millis(5);
 pub(super) fn stop(robot: Option<&str>, reason: &str) -> Result<u8, Failure> {
     let robots = robots(robot)?;
     if robots.is_empty() {
-        return Err(Failure::NotRunning("no robot is running; --robot names one".to_owned()));
+        return Err(Failure::NotRunning(
+            "no robot is running; --robot NAME latches it for the next start of that one"
+                .to_owned(),
+        ));
     }
     for namespace in robots {
         let latch = EmergencyStop::of(&namespace);
@@ -63,8 +66,7 @@ pub(super) fn arm(robot: Option<&str>) -> Result<u8, Failure> {
     let namespace = control::find(robot)?;
     // To join what is not there would make it.
     if !namespace.lock().exists() {
-        let robot = namespace.robot();
-        return Err(Failure::NotRunning(format!("robot '{robot}' is not running")));
+        return Err(control::not_running(&namespace));
     }
     let status = control::look(&namespace);
     let is_lockstep = status.is_some_and(|status| status["clock"] == "lockstep");

@@ -29,11 +29,11 @@ pub(super) fn steer(
     let until = clock::now().after(wait);
     let mut connection = Connection::open(namespace, &goal.request(node))?;
     let mut layout = Layout::new(Feed::Events);
-    loop {
+    let answer = loop {
         match connection.hear(Some(until))? {
             Heard::Line(line) => {
                 let answer = told(&line)?;
-                let Some(event) = answer.get(Feed::Events.key()) else { break };
+                let Some(event) = answer.get(Feed::Events.key()) else { break answer };
                 layout.make_room([event]);
                 say(&layout.line(event))?;
             }
@@ -46,8 +46,10 @@ pub(super) fn steer(
                 )));
             }
         }
-    }
-    say(&format!("{node} is {}", goal.label()))?;
+    };
+    let silent = answer["silent"].as_str();
+    let silent = silent.map(|topic| format!(", but sends nothing on {topic}")).unwrap_or_default();
+    say(&format!("{node} is {}{silent}", goal.label()))?;
     Ok(0)
 }
 

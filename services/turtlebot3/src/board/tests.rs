@@ -128,7 +128,8 @@ fn a_board_is_greeted_stopped_and_calibrated_before_it_is_read() {
     scene.go_on(50, drive(0.2, false));
     assert_eq!(scene.events[0], Event::Greeted { model: 1, firmware: 5 });
     assert_eq!(scene.events[1], Event::Calibrating);
-    assert!(matches!(scene.events[2], Event::Read(..)), "{:?}", scene.events);
+    assert_eq!(scene.events[2], Event::Calibrated);
+    assert!(matches!(scene.events[3], Event::Read(..)), "{:?}", scene.events);
     assert_eq!(scene.written[0].1, ADDRESS_COMMAND);
     assert_eq!(scene.written[0].2, [0; 24], "first of all it stands");
     assert_eq!(

@@ -199,6 +199,7 @@ impl BoardDesk {
                     node.extend_timeout(CALIBRATION_MAX);
                     node.say("OpenCR: measures its gyro's bias; the robot must not be moved");
                 }
+                Event::Calibrated => node.say("OpenCR: knows its gyro's bias"),
                 Event::Read(reading, told) => self.tell(node, now, &reading, told)?,
                 Event::Lost(loss) => {
                     self.lose(node, now, &loss.to_string());
