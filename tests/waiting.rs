@@ -63,7 +63,9 @@ fn stress(robot: &Robot, mode: Wait) {
                 let (mut waits, mut longest) = (0_u64, Duration::ZERO);
                 while !(first.is_finished() && second.is_finished()) {
                     let now = clock::now();
-                    waiter.wait(now.after(TIMEOUT))?;
+                    waiter.wait(now.after(TIMEOUT), || {
+                        Ok(odometry.has_samples()? || joints.has_samples()?)
+                    })?;
                     let waited = clock::now().since(now);
                     if drain(&mut odometry, &seen[0]) | drain(&mut joints, &seen[1]) {
                         longest = longest.max(waited);

@@ -371,7 +371,7 @@ impl<'a> Node<'a> {
         }
         let moments = [self.rhythm.next(), self.ports.due(), Some(at_latest)];
         let until = moments.into_iter().flatten().min().unwrap_or(at_latest);
-        self.waiter.wait(until)
+        self.waiter.wait(until, || Ok(self.ports.has_samples()? || self.requests.has_samples()?))
     }
 
     /// Tells those who have come late what they have missed. Where nobody has come it is one look at a

@@ -29,6 +29,11 @@ pub(crate) trait Port {
     /// Whether a topic that it publishes has carried something.
     fn has_flowed(&self) -> bool;
 
+    /// Whether something is queued that the node is to be woken for.
+    fn has_samples(&self) -> Result<bool> {
+        Ok(false)
+    }
+
     /// Sends what is due by now; only a port with faults has anything to send late.
     fn flush(&self, _now: Stamp) -> Result<()> {
         Ok(())
@@ -255,6 +260,7 @@ struct Received<T: Message> {
     service: Service<T>,
     epoch: Cell<u32>,
     arrivals: Cell<Arrivals>,
+    wakes: bool,
     samples: Cell<u64>,
     lost: Cell<u64>,
     unread: Cell<u64>,
@@ -267,6 +273,7 @@ impl<T: Message> Subscriber<T> {
         loss: Loss,
         service: Service<T>,
         port: iceoryx2::port::subscriber::Subscriber<ipc::Service, T, ()>,
+        wakes: bool,
     ) -> Self {
         let state = Received {
             topic,
@@ -275,6 +282,7 @@ impl<T: Message> Subscriber<T> {
             service,
             epoch: Cell::new(0),
             arrivals: Cell::default(),
+            wakes,
             samples: Cell::new(0),
             lost: Cell::new(0),
             unread: Cell::new(0),
@@ -327,6 +335,11 @@ impl<T: Message> Subscriber<T> {
     /// [-] Samples that were sent and have not come: gaps in the sequence.
     pub fn lost(&self) -> u64 {
         self.state.lost.get()
+    }
+
+    /// Whether something is queued.
+    pub fn has_samples(&self) -> Result<bool> {
+        self.state.has_samples()
     }
 
     pub(crate) fn port(&self) -> Rc<dyn Port>
@@ -396,6 +409,12 @@ impl<T: Message> Port for Received<T> {
 
     fn has_flowed(&self) -> bool {
         true
+    }
+
+    fn has_samples(&self) -> Result<bool> {
+        let looked = if self.wakes { self.port.has_samples() } else { Ok(false) };
+        looked
+            .map_err(|cause| Error::shared_memory(format!("look at topic '{}'", self.topic), cause))
     }
 
     fn drain(&self) -> Result<()> {

@@ -245,6 +245,7 @@ fn reader<T: Message>(
     port: &str,
 ) -> Result<Subscriber<T>> {
     let history = usize::from(topic.loss == Loss::Latched);
+    let wakes = is_woken(port);
     let port = service
         .subscriber_builder()
         .name(&port_name(port))
@@ -252,7 +253,7 @@ fn reader<T: Message>(
         .history_request(history)
         .create()
         .map_err(|cause| Error::shared_memory(format!("read topic '{name}'"), cause))?;
-    Ok(Subscriber::new(name, topic.loss, service, port))
+    Ok(Subscriber::new(name, topic.loss, service, port, wakes))
 }
 
 /// A reader's queue is full, and nothing may be lost: give it time, but not for ever. One who only

@@ -122,21 +122,27 @@ pub struct Waiter<'a> {
 }
 
 impl Waiter<'_> {
-    /// Waits until somebody wakes this process, a signal arrives, or it is `until`. One who looks
-    /// looks at his bell, as one who sleeps does: a single word, whatever the number of topics.
-    pub fn wait(&self, until: Stamp) -> Result {
+    /// Waits until somebody wakes this process, a signal arrives, or it is `until`. Where the process
+    /// looks for itself instead of being woken, `has_come` tells whether there is something.
+    pub fn wait(&self, until: Stamp, has_come: impl Fn() -> Result<bool>) -> Result {
+        let has_come = || Ok(self.files.get().is_some_and(Files::have_come) || has_come()?);
         match self.mode {
-            Wait::Block => {}
-            Wait::Yield => self.look(until, rustix::thread::sched_yield),
-            Wait::Poll => self.look(until, std::hint::spin_loop),
+            Wait::Block => self.block(until),
+            Wait::Yield => look(until, has_come, rustix::thread::sched_yield).map(drop),
+            Wait::Poll => look(until, has_come, std::hint::spin_loop).map(drop),
             Wait::Hybrid => {
                 let patience = self.patience.get();
                 let enough = until.min(clock::now().after(patience.length()));
-                self.look(enough, std::hint::spin_loop);
-                self.patience.set(patience.after(self.is_rung()));
+                let found = look(enough, has_come, std::hint::spin_loop)?;
+                self.patience.set(patience.after(found));
+                if found || until <= clock::now() {
+                    return Ok(());
+                }
+                // What was sent before this is seen by the last look, what is sent after it wakes.
+                self.rise();
+                if has_come()? { Ok(()) } else { self.block(until) }
             }
         }
-        self.block(until)
     }
 
     /// From now on the process wakes whenever more can be read from `file`, until that is closed.
@@ -151,25 +157,13 @@ impl Waiter<'_> {
     /// Sleeps until somebody wakes this process, a signal arrives, or it is `until`. Whoever was woken
     /// since the last wait, and has not looked at what came since, does not sleep.
     pub(crate) fn block(&self, until: Stamp) -> Result {
-        if !self.is_rung() {
-            let timeout = until.since(clock::now());
-            if !timeout.is_zero() {
-                // An interrupt is a short wait: the caller looks at the stop flag.
-                self.bell.sleep(self.seen.get(), timeout)?;
-            }
+        let timeout = until.since(clock::now());
+        if self.bell.rings() == self.seen.get() && !timeout.is_zero() {
+            // An interrupt is a short wait: the caller looks at the stop flag.
+            self.bell.sleep(self.seen.get(), timeout)?;
         }
         self.rise();
         Ok(())
-    }
-
-    fn look(&self, until: Stamp, pause: impl Fn()) {
-        while !self.is_rung() && clock::now() < until {
-            pause();
-        }
-    }
-
-    fn is_rung(&self) -> bool {
-        self.bell.rings() != self.seen.get()
     }
 
     /// What was rung for until now is looked at next.
@@ -196,5 +190,18 @@ impl Session {
             session: self,
             files: OnceCell::new(),
         })
+    }
+}
+
+/// Looks until something `has_come`, or it is `until`; says which.
+fn look(until: Stamp, has_come: impl Fn() -> Result<bool>, pause: impl Fn()) -> Result<bool> {
+    loop {
+        if has_come()? {
+            return Ok(true);
+        }
+        if until <= clock::now() {
+            return Ok(false);
+        }
+        pause();
     }
 }

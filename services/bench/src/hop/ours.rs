@@ -85,7 +85,15 @@ impl<T: Words> Link for Ours<'_, T> {
             if std::mem::replace(&mut has_waited, true) {
                 check_time(self.until)?;
             }
-            self.waiter.wait(self.until)?;
+            let has_come = || {
+                for subscriber in &self.subscribers {
+                    if subscriber.has_samples()? {
+                        return Ok(true);
+                    }
+                }
+                Ok(false)
+            };
+            self.waiter.wait(self.until, has_come)?;
         }
     }
 }

@@ -110,6 +110,16 @@ impl Ports {
         self.faulty.iter().filter_map(|faulty| faulty.port.due()).min()
     }
 
+    /// Whether there is something that the node would have been woken for.
+    pub(super) fn has_samples(&self) -> Result<bool> {
+        for counted in &self.all {
+            if counted.port.has_samples()? {
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
     /// Whether every topic that has to has carried something.
     pub(super) fn have_flowed(&self) -> bool {
         self.all

@@ -3,6 +3,7 @@
 use std::io::{self, PipeWriter};
 use std::os::fd::{AsFd, OwnedFd};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
 use rustix::event::epoll;
@@ -17,6 +18,7 @@ const END: u64 = u64::MAX;
 #[derive(Debug)]
 pub(super) struct Files {
     epoll: Arc<OwnedFd>,
+    have_come: Arc<AtomicBool>,
     /// Closed when this is dropped, which ends the thread.
     _alive: PipeWriter,
 }
@@ -26,25 +28,32 @@ impl Files {
         let epoll = Arc::new(epoll::create(epoll::CreateFlags::CLOEXEC)?);
         let (end, alive) = io::pipe()?;
         epoll::add(&epoll, &end, epoll::EventData::new_u64(END), epoll::EventFlags::HUP)?;
+        let have_come = Arc::new(AtomicBool::new(false));
         let bell = Bell::open(session.prefix(), session.name()).map_err(io::Error::other)?;
         let watch = {
-            let epoll = Arc::clone(&epoll);
+            let (epoll, have_come) = (Arc::clone(&epoll), Arc::clone(&have_come));
             move || {
                 let _end = end;
                 while sleep_on(&epoll) {
+                    have_come.store(true, Ordering::Release);
                     // A ring that fails costs a late wake-up, and no more.
                     let _ = bell.ring();
                 }
             }
         };
         thread::Builder::new().name("files".to_owned()).spawn(watch)?;
-        Ok(Self { epoll, _alive: alive })
+        Ok(Self { epoll, have_come, _alive: alive })
     }
 
     pub(super) fn add(&self, file: impl AsFd) -> io::Result<()> {
         let flags = epoll::EventFlags::IN | epoll::EventFlags::ET;
         epoll::add(&self.epoll, file, epoll::EventData::new_u64(0), flags)?;
         Ok(())
+    }
+
+    /// Whether something has come since this was last asked.
+    pub(super) fn have_come(&self) -> bool {
+        self.have_come.swap(false, Ordering::Acquire)
     }
 }
 
