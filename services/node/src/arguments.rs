@@ -208,7 +208,7 @@ impl Settings {
 /// Which life it is of a process whose lives nobody counts, and which may have had others before: the
 /// time since the machine started, in tenths of a second. Larger in each life, for thirteen years,
 /// where no two begin within one tenth.
-pub fn uncounted_epoch(now: Stamp) -> u32 {
+pub(crate) fn uncounted_epoch(now: Stamp) -> u32 {
     let tenths = now.since(Stamp::ZERO).as_millis() / 100;
     u32::try_from(tenths).unwrap_or(u32::MAX).max(1)
 }

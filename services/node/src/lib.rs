@@ -59,7 +59,6 @@ mod window;
 
 pub use arguments::{
     Arguments, PARENT, SUPERVISOR, Settings, die_with_parent, exit_code, main, start,
-    uncounted_epoch,
 };
 pub use clock::Clock;
 pub use diary::{Diary, RECORDS, save_diaries_of_the_dead};

@@ -15,9 +15,10 @@ use iceoryx2::service::builder::publish_subscribe::{
 use iceoryx2::service::port_factory;
 use interfaces::{Loss, Message, Scope, Topic};
 
+use crate::arguments::uncounted_epoch;
 use crate::port::{Publisher, Subscriber};
 use crate::wake::Wakers;
-use crate::{Clock, Error, Namespace, Result, clock, signal, uncounted_epoch};
+use crate::{Clock, Error, Namespace, Result, clock, signal};
 
 pub(crate) type Service<T> = port_factory::publish_subscribe::PortFactory<ipc::Service, T, ()>;
 

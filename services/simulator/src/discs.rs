@@ -5,6 +5,8 @@ use std::f64::consts::{PI, TAU};
 
 use nalgebra::{Isometry2, Point2, Vector2};
 
+use crate::raster::single;
+
 /// A round robot, as others see it and run into it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Disc {
@@ -85,12 +87,6 @@ fn whole(value: f64) -> i64 {
     #[expect(clippy::cast_possible_truncation, reason = "some turns of beams")]
     let whole = value.round() as i64;
     whole
-}
-
-fn single(value: f64) -> f32 {
-    #[expect(clippy::cast_possible_truncation, reason = "scans are single precision")]
-    let value = value as f32;
-    value
 }
 
 #[cfg(test)]

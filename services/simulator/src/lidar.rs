@@ -9,7 +9,7 @@ use nalgebra::{Isometry2, Vector2};
 use crate::discs::{Beams, Disc};
 use crate::geometry::Walls;
 use crate::noise::{Noise, RangeNoise};
-use crate::raster::{Eye, Raster};
+use crate::raster::{Eye, Raster, single};
 use crate::{Config, LidarConfig};
 
 /// [-] So much farther than its range a beam is followed, so that rounding cannot lose a wall at the
@@ -113,12 +113,6 @@ fn report(ranges: &mut [f32], range_min: f32, range_max: f32) {
         let told = if told < range_min { f32::NEG_INFINITY } else { told };
         *range = if told > range_max { f32::INFINITY } else { told };
     }
-}
-
-fn single(value: f64) -> f32 {
-    #[expect(clippy::cast_possible_truncation, reason = "scans are single precision")]
-    let value = value as f32;
-    value
 }
 
 #[cfg(test)]

@@ -355,7 +355,7 @@ fn angle<S: Simd>(simd: S, (x, y): (f32x16<S>, f32x16<S>)) -> f32x16<S> {
     y.simd_lt(0.0).select(TAU - half, half)
 }
 
-fn single(value: f64) -> f32 {
+pub(crate) fn single(value: f64) -> f32 {
     #[expect(clippy::cast_possible_truncation, reason = "differences are single precision")]
     let value = value as f32;
     value
