@@ -476,11 +476,15 @@ impl Ended {
         self
     }
 
-    /// Whatever was printed, to either side, contains each of `texts`.
+    /// Whatever was printed, to either side, contains each of `texts`, wherever its lines break: a
+    /// file's name in a sentence is as long as the way to the project is.
     #[track_caller]
     pub(crate) fn assert_says(&self, texts: &[&str]) -> &Self {
+        let unbroken = |said: &str| said.split_whitespace().collect::<Vec<_>>().join(" ");
+        let (out, err) = (unbroken(&self.out), unbroken(&self.err));
         for text in texts {
-            let is_said = self.out.contains(text) || self.err.contains(text);
+            let sides = [&self.out, &self.err, &out, &err];
+            let is_said = sides.iter().any(|side| side.contains(text));
             assert!(is_said, "it does not say '{text}'\n{}", self.story());
         }
         self
