@@ -58,6 +58,8 @@ pub struct Publisher<T: Message> {
 /// A publisher's port, and what it has sent so far.
 struct Sent<T: Message> {
     topic: String,
+    /// The next sample, zeroed: made ready while the readers are at work on the last one.
+    ready: Cell<Option<Loan<T>>>,
     port: iceoryx2::port::publisher::Publisher<ipc::Service, T, ()>,
     service: Arc<Service<T>>,
     wakers: Rc<Wakers>,
@@ -67,6 +69,9 @@ struct Sent<T: Message> {
     digest: Option<RefCell<Digest>>,
     faults: Option<RefCell<FaultyLink<T>>>,
 }
+
+/// A sample that nobody has yet.
+type Loan<T> = iceoryx2::sample_mut::SampleMut<ipc::Service, T, ()>;
 
 /// The readers of a topic.
 #[derive(Default)]
@@ -86,6 +91,7 @@ impl<T: Message> Publisher<T> {
     ) -> Self {
         let state = Sent {
             topic,
+            ready: Cell::default(),
             port,
             service,
             wakers,
@@ -165,8 +171,10 @@ impl<T: Message> Sent<T> {
     }
 
     fn send_with(&self, fill: impl FnOnce(&mut T)) -> Result<()> {
-        let mut sample =
-            self.port.loan().map_err(|cause| self.failed("take shared memory for", cause))?;
+        let mut sample = match self.ready.take() {
+            Some(sample) => sample,
+            None => self.loan()?,
+        };
         let message = sample.payload_mut();
         fill(message);
         trace::sent(&self.topic, message.header());
@@ -175,7 +183,12 @@ impl<T: Message> Sent<T> {
         }
         sample.send().map_err(|cause| self.failed("send on", cause))?;
         self.wake_readers();
+        self.ready.set(Some(self.loan()?));
         Ok(())
+    }
+
+    fn loan(&self) -> Result<Loan<T>> {
+        self.port.loan().map_err(|cause| self.failed("take shared memory for", cause))
     }
 
     fn count_readers(&self) -> usize {
