@@ -99,13 +99,15 @@ fn a_robot_that_runs_is_named_with_its_process_and_has_left_nothing() {
 fn a_processor_that_is_not_there_is_a_failure_which_names_it() {
     let robot = Robot::new();
     let bound = "name = \"controller\"\ncpu_affinity = [999]";
-    let file = robot.launch_file(&[("name = \"controller\"", bound)]);
+    let pairing = "[pairing]\ncpu_affinity = [998]";
+    let file = robot.launch_file(&[("name = \"controller\"", bound), ("[pairing]", pairing)]);
     let ended = robot.start(&["doctor", &file, "--json"]).wait();
 
     ended.assert_code(1);
     let finding = finding(&ended, "processors");
     assert_eq!(finding["level"], "failure", "{finding}");
-    assert!(finding["found"].as_str().unwrap().contains("`controller` on 999"), "{finding}");
+    let found = finding["found"].as_str().unwrap();
+    assert!(found.contains("`pairing` on 998, `controller` on 999"), "{finding}");
 }
 
 #[test]

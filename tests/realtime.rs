@@ -1,6 +1,47 @@
 //! The robot's own time, and the other ways to run the same processes.
 
-use crate::robot::Robot;
+use std::fs;
+
+use rustix::thread::sched_getaffinity;
+
+use crate::robot::{Process, Robot};
+
+#[test]
+fn everyone_runs_on_the_processors_that_the_launch_file_says() {
+    let allowed = sched_getaffinity(None).unwrap();
+    let cores: Vec<_> = (0..1024).filter(|&core| allowed.is_set(core)).collect();
+    let (first, last) = (cores[0], cores[cores.len() - 1]);
+    let robot = Robot::new();
+    let config = robot.launch_file(&[
+        ("[pairing]", &format!("[pairing]\ncpu_affinity = [{first}]")),
+        ("name = \"controller\"", &format!("name = \"controller\"\ncpu_affinity = [{last}]")),
+    ]);
+    let run = robot.start_up(&[&config, "--clock", "realtime"]).await_output("READY");
+
+    let here = places(Process { pid: std::process::id().cast_signed() });
+    let supervisor = places(run.supervisor());
+    let pairing = supervisor.iter().find(|(thread, _)| thread == "pairing").unwrap();
+    assert_eq!(pairing.1, first.to_string());
+    let others = supervisor.iter().filter(|(thread, _)| thread != "pairing");
+    others.for_each(|(thread, cores)| assert_eq!(*cores, here[0].1, "{thread} of the supervisor"));
+    assert!(places(run.node("controller")).iter().all(|(_, cores)| *cores == last.to_string()));
+    assert!(places(run.node("odometry")).iter().all(|(_, cores)| *cores == here[0].1));
+    run.stop().assert_code(0);
+}
+
+/// The threads of a process by name, each with the processors where it may run.
+fn places(process: Process) -> Vec<(String, String)> {
+    let tasks = fs::read_dir(format!("/proc/{}/task", process.pid)).unwrap();
+    let place = |task: std::io::Result<fs::DirEntry>| {
+        let status = fs::read_to_string(task.unwrap().path().join("status")).unwrap();
+        let field = |key: &str| {
+            let line = status.lines().find_map(|line| line.strip_prefix(key));
+            line.unwrap().trim().to_owned()
+        };
+        (field("Name:"), field("Cpus_allowed_list:"))
+    };
+    tasks.map(place).collect()
+}
 
 #[test]
 fn in_real_time_the_run_ends_by_itself_and_the_world_takes_as_long_as_it_shows() {

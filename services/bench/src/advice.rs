@@ -47,7 +47,9 @@ pub(crate) fn write(figures: &[Figure], text: &mut String) {
         let _ = writeln!(text, "  {line}");
     }
     if advice.iter().any(|line| line.contains("two cores")) {
-        text.push_str("  two cores: the simulator on one, odometry and controller on another\n");
+        text.push_str(
+            "  two cores: simulator and pairing on one, odometry and controller on another\n",
+        );
     }
 }
 

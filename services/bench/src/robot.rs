@@ -40,7 +40,7 @@ pub(crate) enum Cores {
     Any,
     /// All on one.
     One,
-    /// The simulator on one, odometry and controller on another, and the pairing where the kernel likes.
+    /// Simulator and pairing on one, odometry and controller on another: each wakes one over there.
     Two,
 }
 
@@ -100,7 +100,7 @@ impl Robot {
         let (first, second) = (keep_to(0), keep_to(1));
         format!(
             "robot = \"{name}\"\nclock = \"{clock}\"\nseed = 1\nfor_s = {}\nwait = \"{}\"\n\n\
-             [pairing]\nslop_ms = {slop_ms}\nmax_age_ms = 10000.0\n\n\
+             [pairing]\nslop_ms = {slop_ms}\nmax_age_ms = 10000.0\n{first}\n\
              [[process]]\nname = \"odometry\"\n{second}\n[process.parameters]\nsource = \"wheels\"\n\n\
              [[process]]\nname = \"controller\"\n{second}parameters_file = \"controller.toml\"\n\n\
              [[process]]\nname = \"simulator\"\n{first}\n[process.parameters]\nworld = \"world.toml\"\n\

@@ -71,6 +71,8 @@ pub struct PairingParameters {
     pub max_age_ms: f64,
     /// [ms] A pair is given out after this long, the best so far, where a better one may come.
     pub max_delay_ms: f64,
+    /// [-] The processors its loop may run on; all where empty.
+    pub cpu_affinity: Vec<usize>,
 }
 
 impl Default for PairingParameters {
@@ -82,6 +84,7 @@ impl Default for PairingParameters {
             slop_ms: 50.0,
             max_age_ms: 500.0,
             max_delay_ms: 100.0,
+            cpu_affinity: Vec::new(),
         }
     }
 }
@@ -204,6 +207,11 @@ impl Launch {
         order::start_order(&self.process).into_iter().map(|index| &self.process[index]).collect()
     }
 
+    /// How scan and odometry are paired, as the file has it.
+    pub fn pairing(&self) -> PairingParameters {
+        Layers::new().table(&self.pairing).parse().unwrap_or_default()
+    }
+
     /// The process called `name`.
     pub fn process(&self, name: &str) -> Option<&Process> {
         self.process.iter().find(|process| process.name == name)
@@ -277,6 +285,7 @@ impl PairingParameters {
 
 impl Parameters for PairingParameters {
     fn check(&self, report: &mut Report<'_>) {
+        process::check_affinity(&self.cpu_affinity, report);
         let Err(error) = pairing::Pairing::new(&self.config()) else { return };
         let key = match error {
             pairing::ConfigError::QueueSize | pairing::ConfigError::Combinations => "queue_size",

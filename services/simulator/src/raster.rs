@@ -369,15 +369,18 @@ pub(crate) mod tests {
 
     /// Every vector unit that this machine has, the least first.
     fn levels() -> Vec<Level> {
-        let mut levels = vec![Level::baseline()];
         #[cfg(target_arch = "x86_64")]
-        {
+        let more = {
             let widest = Level::new();
-            levels.extend(widest.as_sse4_2().map(Level::Sse4_2));
-            levels.extend(widest.as_avx2().map(Level::Avx2));
-            levels.extend(widest.as_avx512().map(Level::Avx512));
-        }
-        levels
+            [
+                widest.as_sse4_2().map(Level::Sse4_2),
+                widest.as_avx2().map(Level::Avx2),
+                widest.as_avx512().map(Level::Avx512),
+            ]
+        };
+        #[cfg(not(target_arch = "x86_64"))]
+        let more: [Option<Level>; 0] = [];
+        [Level::baseline()].into_iter().chain(more.into_iter().flatten()).collect()
     }
 
     /// The raster as each vector unit has it.

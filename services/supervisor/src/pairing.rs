@@ -6,6 +6,8 @@ use node::launch::PairingParameters;
 use node::pairing::{ODOMETRIES, Outcome, Pairing, Reason, SCANS, SensorPairing, write_ticket};
 use node::{Clock, Error, Gauge, Latency, Node, Publisher, Result, Tunable};
 
+use crate::shim;
+
 /// What may be changed while the robot drives: what belongs together, and how long it is waited for. The
 /// algorithm and the length of its queues are what it is made of.
 pub static TUNABLES: [Tunable; 4] = [
@@ -19,6 +21,7 @@ pub static TUNABLES: [Tunable; 4] = [
 /// process never delays a pair.
 pub fn run(node: &mut Node<'_>) -> Result {
     let parameters: PairingParameters = node.parameters()?;
+    shim::keep_to(&parameters.cpu_affinity).map_err(Error::Fault)?;
     let unfit = |cause| Error::Fault(format!("cannot pair: {cause}"));
     let mut pairing = SensorPairing::new(&parameters.config()).map_err(unfit)?;
     let mut tuning = node.tuning(parameters, &TUNABLES)?;

@@ -74,13 +74,20 @@ fn prepare(options: &ExecOptions) -> Result<(), String> {
     let mut limit = rustix::process::getrlimit(Resource::Memlock);
     limit.current = limit.maximum;
     let _ = rustix::process::setrlimit(Resource::Memlock, limit);
-    if options.cpus.is_empty() {
+    keep_to(&options.cpus)
+}
+
+/// From now on the calling thread runs on these processors alone; on all where none are named.
+pub(crate) fn keep_to(cpus: &[usize]) -> Result<(), String> {
+    if cpus.is_empty() {
         return Ok(());
     }
     let mut set = CpuSet::new();
-    options.cpus.iter().for_each(|&cpu| set.set(cpu));
+    for &cpu in cpus {
+        set.set(cpu);
+    }
     rustix::thread::sched_setaffinity(None, &set)
-        .map_err(|cause| format!("cannot run on the processors {:?}: {cause}", options.cpus))
+        .map_err(|cause| format!("cannot run on the processors {cpus:?}: {cause}"))
 }
 
 /// The command that starts `program` with `arguments` under the shim, as a child of this process.

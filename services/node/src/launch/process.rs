@@ -168,6 +168,14 @@ const CPUS_MAX: usize = 1024;
 /// What the supervisor itself says to a process in its environment.
 const RESERVED_VARIABLES: [&str; 3] = ["NOTIFY_SOCKET", "WATCHDOG_USEC", "WATCHDOG_PID"];
 
+/// Refuses processors that no machine has.
+pub(super) fn check_affinity(cpus: &[usize], report: &mut Report<'_>) {
+    for (index, _) in cpus.iter().enumerate().filter(|(_, cpu)| CPUS_MAX <= **cpu) {
+        let help = "count processors from 0, as /proc/cpuinfo does";
+        report.refuse(format!("cpu_affinity[{index}]"), "names no processor", help);
+    }
+}
+
 impl Process {
     /// Whether it speaks the lifecycle protocol.
     pub fn is_managed(&self) -> bool {
@@ -195,11 +203,7 @@ impl Process {
         if self.cpu_scheduling_priority.is_some_and(|priority| !(1..=99).contains(&priority)) {
             report.refuse("cpu_scheduling_priority", "is none", "give 1 to 99, or leave it out");
         }
-        for (index, _) in self.cpu_affinity.iter().enumerate().filter(|(_, cpu)| CPUS_MAX <= **cpu)
-        {
-            let help = "count processors from 0, as /proc/cpuinfo does";
-            report.refuse(format!("cpu_affinity[{index}]"), "names no processor", help);
-        }
+        check_affinity(&self.cpu_affinity, report);
         self.check_watchdog(report);
         self.check_restart(report);
         self.check_environment(report);

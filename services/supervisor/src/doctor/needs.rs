@@ -10,6 +10,8 @@ use node::{Clock, Namespace, Wait};
 use rustix::fs::Access;
 use serde::Deserialize;
 
+use crate::supervise::PAIRING;
+
 /// What a launch file asks of a machine.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Needs {
@@ -106,9 +108,11 @@ fn is_terminal(file: &Metadata) -> bool {
 impl Needs {
     pub(super) fn of(launch: &Launch, ports: Option<Ports>) -> Self {
         let processes = || launch.process.iter();
-        let bound = processes().flat_map(|process| {
-            process.cpu_affinity.iter().map(|&cpu| (cpu, process.name.clone()))
-        });
+        let pairing = (PAIRING, launch.pairing().cpu_affinity);
+        let bound = processes()
+            .map(|process| (process.name.as_str(), process.cpu_affinity.clone()))
+            .chain([pairing])
+            .flat_map(|(name, cpus)| cpus.into_iter().map(|cpu| (cpu, name.to_owned())));
         let memory_lock = if processes().any(|process| process.memory_lock == Some(true)) {
             MemoryLock::Demanded
         } else if launch.clock == Clock::Realtime
