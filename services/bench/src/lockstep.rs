@@ -29,7 +29,7 @@ const ROW_OF_WALLS: [usize; 3] = [1_000, 10_000, 100_000];
 const ROW_OF_ROBOTS: [usize; 4] = [2, 4, 8, 16];
 
 /// [s] Simulated: long enough that the start does not show.
-const LENGTH_S: f64 = 1500.0;
+const LENGTH_S: f64 = 6000.0;
 
 /// [s] The same, for a quick look.
 const QUICK_S: f64 = 20.0;

@@ -1,20 +1,17 @@
 //! A managed node: its own code runs only while it is active.
 
+mod lifecycle;
 mod ports;
+mod report;
 mod rhythm;
 mod telling;
 
 use std::os::fd::AsFd;
 use std::time::Duration;
 
-use interfaces::topics::{CHANGE_STATE, STATUS, TRANSITION_EVENT};
-use interfaces::{
-    ChangeState, Message, NodeStatus, Outcome, Scope, Stamp, State, Text, Topic, Transition,
-    TransitionEvent,
-};
-use xxhash_rust::xxh3::xxh3_64_with_seed;
-
+use interfaces::{Message, Outcome, Scope, Stamp, State, Topic, Transition};
 use rustix::process::{Pid, getppid};
+use xxhash_rust::xxh3::xxh3_64_with_seed;
 
 use crate::arguments;
 use crate::config;
@@ -25,20 +22,16 @@ use crate::figures::Figures;
 use crate::wake::Waiter;
 use crate::{
     Clock, Error, Gauge, Latency, Publisher, Result, Session, Settings, Subscriber, Tunable,
-    Tuning, clock, memory, signal, trace,
+    Tuning, clock, memory, trace,
 };
+use lifecycle::{Lifecycle, Next};
 use ports::{Ports, Promise};
+use report::Report;
 use rhythm::Rhythm;
 use telling::Telling;
 
 /// However long nothing happens, every wait ends: a lost wake-up costs no more than this.
 const WAIT_MAX: Duration = Duration::from_millis(50);
-
-/// While active, a node says this often how it is.
-const STATUS_PERIOD: Duration = Duration::from_millis(100);
-
-/// How long a node may finish what it has begun before it is deactivated all the same.
-const HOLD_MAX: Duration = Duration::from_secs(1);
 
 /// One turn of a node's loop.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -57,18 +50,11 @@ pub struct Node<'a> {
     settings: &'a Settings,
     session: &'a Session,
     waiter: &'a Waiter<'a>,
-    requests: Subscriber<ChangeState>,
-    events: Publisher<TransitionEvent>,
-    status: Publisher<NodeStatus>,
-    status_due: Stamp,
-    report: Box<NodeStatus>,
+    life: Lifecycle,
+    report: Report,
     ports: Ports,
     figures: Figures,
-    state: State,
-    pending: Option<(Transition, Stamp)>,
     activated: bool,
-    held: bool,
-    last_turn: bool,
     rhythm: Rhythm,
     telling: Telling,
     records: Records,
@@ -96,24 +82,15 @@ pub fn run_with(settings: &Settings, body: impl FnMut(&mut Node<'_>) -> Result) 
 impl<'a> Node<'a> {
     fn new(settings: &'a Settings, session: &'a Session, waiter: &'a Waiter<'a>) -> Result<Self> {
         trace::start(settings);
-        let mut report = Box::<NodeStatus>::default();
-        report.process = std::process::id();
         Ok(Self {
             settings,
             session,
             waiter,
-            requests: session.subscriber(&CHANGE_STATE)?,
-            events: session.publisher(&TRANSITION_EVENT)?,
-            status: session.publisher(&STATUS)?,
-            status_due: Stamp::ZERO,
-            report,
+            life: Lifecycle::open(session)?,
+            report: Report::open(session)?,
             ports: Ports::default(),
             figures: Figures::default(),
-            state: State::Unknown,
-            pending: None,
             activated: false,
-            held: false,
-            last_turn: false,
             rhythm: Rhythm::default(),
             telling: Telling::new(settings),
             records: Records::new(settings),
@@ -245,7 +222,7 @@ impl<'a> Node<'a> {
 
     /// Says in one line what the node is doing.
     pub fn say(&mut self, text: &str) {
-        self.report.text = Text::new(text);
+        self.report.set_text(text);
         self.telling.status(text);
     }
 
@@ -262,25 +239,25 @@ impl<'a> Node<'a> {
 
     /// Says that there is nothing left to do: the run may end, well or ill, because of `why`.
     pub fn finish(&mut self, outcome: Outcome, why: &str) -> Result<()> {
-        self.report.outcome = outcome as u8;
+        self.report.set_outcome(outcome);
         self.say(why);
         self.send_status(clock::now())
     }
 
     /// Puts off a deactivation until [`Node::release`]: others are at work on what this node began.
     pub fn hold(&mut self) {
-        self.held = true;
+        self.life.set_held(true);
     }
 
     /// Nothing is under way any more.
     pub fn release(&mut self) {
-        self.held = false;
+        self.life.set_held(false);
     }
 
     /// Whether this node was asked to pause or end, which the next [`Node::tick`] will do.
     pub fn leaving(&mut self) -> Result<bool> {
-        self.take_request(clock::now())?;
-        Ok(self.pending.is_some())
+        self.life.take_request(self.settings, clock::now())?;
+        Ok(self.life.is_leaving())
     }
 
     /// Whether the supervisor that started this node to drive the wheels is gone. The node is asked
@@ -292,7 +269,7 @@ impl<'a> Node<'a> {
     /// Waits for the next turn: a sample, a period, or a moment that passed without either. `None`
     /// when the node has to let go of everything.
     pub fn tick(&mut self) -> Result<Option<Tick>> {
-        if self.state == State::Configuring {
+        if self.life.state() == State::Configuring {
             self.prepare_faults()?;
             memory::lock(self.settings)?;
             self.change(State::Inactive, "")?;
@@ -304,24 +281,15 @@ impl<'a> Node<'a> {
             self.telling.ping(now);
             self.ports.flush(now)?;
             self.tell_flow(now)?;
-            self.take_request(now)?;
-            if let Some((transition, since)) = self.pending
-                && (!self.held || HOLD_MAX < now.since(since))
-            {
-                // What has come before is still seen to.
-                if self.state == State::Active && !std::mem::replace(&mut self.last_turn, true) {
-                    return self.turn(now).map(Some);
-                }
-                self.last_turn = false;
-                self.pending = None;
-                self.held = false;
-                if self.obey(transition)? {
-                    return Ok(None);
-                }
-                continue;
+            self.life.take_request(self.settings, now)?;
+            match self.life.next(now) {
+                Next::LastTurn => return self.turn(now).map(Some),
+                Next::Go(transition) if self.obey(transition)? => return Ok(None),
+                Next::Go(_) => continue,
+                Next::Stay => {}
             }
-            if self.state == State::Active && (waited || self.activated || self.rhythm.is_due(now))
-            {
+            let is_active = self.life.state() == State::Active;
+            if is_active && (waited || self.activated || self.rhythm.is_due(now)) {
                 return self.turn(now).map(Some);
             }
             self.greet()?;
@@ -348,7 +316,7 @@ impl<'a> Node<'a> {
         trace::turn_begins();
         let due = self.rhythm.is_due(now);
         self.rhythm.advance(now);
-        if self.status_due <= now {
+        if self.report.is_due(now) {
             self.send_status(now)?;
         }
         Ok(Tick { now, activated, due })
@@ -356,7 +324,7 @@ impl<'a> Node<'a> {
 
     /// Says once that all topics have carried something, as soon as they have.
     fn tell_flow(&mut self, now: Stamp) -> Result {
-        let is_active = self.state == State::Active && !self.activated;
+        let is_active = self.life.state() == State::Active && !self.activated;
         if is_active && self.telling.awaits_flow() && self.ports.have_flowed() {
             self.send_status(now)?;
             self.telling.flow();
@@ -366,19 +334,19 @@ impl<'a> Node<'a> {
 
     fn wait(&self, now: Stamp) -> Result {
         let at_latest = now.after(WAIT_MAX);
-        if self.state != State::Active {
+        if self.life.state() != State::Active {
             return self.waiter.block(at_latest);
         }
         let moments = [self.rhythm.next(), self.ports.due(), Some(at_latest)];
         let until = moments.into_iter().flatten().min().unwrap_or(at_latest);
-        self.waiter.wait(until, || Ok(self.ports.has_samples()? || self.requests.has_samples()?))
+        self.waiter.wait(until, || Ok(self.ports.has_samples()? || self.life.has_requests()?))
     }
 
     /// Tells those who have come late what they have missed. Where nobody has come it is one look at a
     /// counter.
     fn greet(&self) -> Result {
-        self.events.greet()?;
-        self.status.greet()
+        self.life.greet()?;
+        self.report.greet()
     }
 
     /// Calls `body` for each `configure`, until the node is shut down.
@@ -391,12 +359,12 @@ impl<'a> Node<'a> {
             }
             self.ports.clear();
             self.figures.clear();
-            if self.state != State::CleaningUp {
+            if self.life.state() != State::CleaningUp {
                 break;
             }
             self.change(State::Unconfigured, "")?;
         }
-        if self.state != State::ShuttingDown {
+        if self.life.state() != State::ShuttingDown {
             self.change(State::ShuttingDown, "")?;
         }
         self.change(State::Finalized, "")
@@ -407,11 +375,11 @@ impl<'a> Node<'a> {
         loop {
             let now = clock::now();
             self.telling.ping(now);
-            self.take_request(now)?;
-            match self.pending.take() {
-                Some((Transition::Configure, _)) => return Ok(true),
-                Some((Transition::ShutdownUnconfigured, _)) => return Ok(false),
-                Some(_) | None => {
+            self.life.take_request(self.settings, now)?;
+            match self.life.next(now) {
+                Next::Go(Transition::Configure) => return Ok(true),
+                Next::Go(Transition::ShutdownUnconfigured) => return Ok(false),
+                Next::Go(_) | Next::LastTurn | Next::Stay => {
                     self.greet()?;
                     self.wait(now)?;
                 }
@@ -423,7 +391,7 @@ impl<'a> Node<'a> {
         let reason = error.to_string();
         let line = reason.lines().next().unwrap_or_default();
         self.records.write(&self.figures);
-        if self.state == State::Configuring {
+        if self.life.state() == State::Configuring {
             self.change(State::Unconfigured, line)?;
         } else {
             self.change(State::ErrorProcessing, line)?;
@@ -434,7 +402,7 @@ impl<'a> Node<'a> {
 
     /// Does what was asked; true where the node's code has to return for it.
     fn obey(&mut self, transition: Transition) -> Result<bool> {
-        if self.state == State::Active && transition != Transition::Deactivate {
+        if self.life.state() == State::Active && transition != Transition::Deactivate {
             self.deactivate()?;
         }
         // What came while others were still at work is counted, as unread.
@@ -448,7 +416,7 @@ impl<'a> Node<'a> {
             | Transition::ShutdownActive => self.change(State::ShuttingDown, "")?,
             Transition::Configure => {}
         }
-        Ok(!matches!(self.state, State::Active | State::Inactive))
+        Ok(!matches!(self.life.state(), State::Active | State::Inactive))
     }
 
     fn activate(&mut self) -> Result {
@@ -469,75 +437,16 @@ impl<'a> Node<'a> {
         Ok(())
     }
 
-    /// Notes the next request that fits the node's state; a signal is a request to end.
-    fn take_request(&mut self, now: Stamp) -> Result {
-        if self.pending.is_some() {
-            return Ok(());
-        }
-        if self.settings.heeds_signals() && 0 < signal::stop_requests() {
-            self.pending = Transition::shutdown_from(self.state).map(|end| (end, now));
-            return Ok(());
-        }
-        while let Some(request) = self.requests.receive()? {
-            match Transition::try_from(request.transition) {
-                Ok(transition) if transition.start() == self.state => {
-                    self.pending = Some((transition, now));
-                    return Ok(());
-                }
-                Ok(transition) => {
-                    tracing::warn!(%transition, state = %self.state, "refused a transition");
-                    self.announce(self.state, "refused a transition that does not start here")?;
-                }
-                Err(cause) => tracing::warn!(%cause, "refused a transition"),
-            }
-        }
-        self.autostart(now);
-        Ok(())
-    }
-
-    /// A node that nobody supervises configures and activates itself.
-    fn autostart(&mut self, now: Stamp) {
-        if !self.settings.autostart() {
-            return;
-        }
-        let next = match self.state {
-            State::Unconfigured => Some(Transition::Configure),
-            State::Inactive => Some(Transition::Activate),
-            _ => None,
-        };
-        self.pending = next.map(|next| (next, now));
-    }
-
     fn change(&mut self, goal: State, reason: &str) -> Result {
-        let start = std::mem::replace(&mut self.state, goal);
-        tracing::debug!(%start, %goal, "changed state");
+        let start = self.life.enter(goal);
         // The counters first: whoever sees the new state finds them.
         self.send_status(clock::now())?;
-        self.announce(start, reason)?;
+        self.life.announce(start, reason)?;
         self.telling.state(goal);
         Ok(())
     }
 
-    fn announce(&mut self, start: State, reason: &str) -> Result {
-        let goal = self.state;
-        self.events.send_with(|event| {
-            event.header.stamp = clock::now();
-            event.start_state = start as u8;
-            event.goal_state = goal as u8;
-            event.reason = Text::new(reason);
-        })
-    }
-
     fn send_status(&mut self, now: Stamp) -> Result {
-        self.status_due = now.after(STATUS_PERIOD);
-        self.ports.update_figures();
-        let report = &mut *self.report;
-        report.header.stamp = now;
-        report.state = self.state as u8;
-        if self.state != State::Unconfigured && self.state != State::Finalized {
-            report.port_count = self.ports.write(&mut report.port);
-            report.value_count = self.figures.write(&mut report.value);
-        }
-        self.status.send_with(|status| *status = *report)
+        self.report.send(now, self.life.state(), &self.ports, &self.figures)
     }
 }
