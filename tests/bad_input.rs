@@ -176,7 +176,7 @@ fn a_value_that_is_no_number_is_refused_by_key() {
 #[test]
 fn a_run_that_shall_last_no_time_is_refused() {
     for seconds in ["--for=-3", "--for=0", "--for=nan", "--for=inf"] {
-        refused(&[seconds]).assert_code(CONFIG).assert_says(&["`for_s`"]);
+        refused(&[seconds]).assert_code(USAGE).assert_says(&["'--for <SECONDS>'", "above zero"]);
     }
 }
 
@@ -184,19 +184,24 @@ fn a_run_that_shall_last_no_time_is_refused() {
 fn an_end_that_does_not_exist_is_refused_with_those_there_are() {
     let ended = refused(&["--until", "teatime"]);
 
-    ended.assert_code(CONFIG).assert_says(&["`until`", "teatime", "`round-trip`", "`goal`"]);
+    ended.assert_code(USAGE).assert_says(&["'--until <END>'", "teatime", "round-trip", "goal"]);
+    refused(&["--set", "until=teatime"]).assert_code(CONFIG).assert_says(&["`round-trip`"]);
 }
 
 #[test]
 fn a_clock_that_does_not_exist_is_refused_with_those_there_are() {
     let ended = refused(&["--clock", "cuckoo"]);
 
-    ended.assert_code(CONFIG).assert_says(&["`clock`", "cuckoo", "`lockstep`", "`realtime`"]);
+    ended.assert_code(USAGE);
+    ended.assert_says(&["'--clock <CLOCK>'", "cuckoo", "lockstep", "realtime"]);
 }
 
 #[test]
 fn a_robot_s_name_that_leaves_its_directory_is_refused() {
-    refused(&["--robot", "../burger"]).assert_code(CONFIG).assert_says(&["`robot`"]);
+    let ended = refused(&["--robot", "../burger"]);
+
+    ended.assert_code(USAGE).assert_says(&["'--robot <NAME>'", "1 to 32 of a-z"]);
+    refused(&["--set", "robot=../burger"]).assert_code(CONFIG).assert_says(&["`robot`"]);
 }
 
 #[test]

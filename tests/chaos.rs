@@ -73,7 +73,10 @@ fn the_verb_tells_what_a_robot_did_after_each_blow_and_that_nothing_is_left() {
     let launch_file = tireless(&robot);
     let rates = ["--kills-per-minute=30", "--stops-per-minute=30", "--for=6", "--seed=3"];
     let sets = ["chaos", &launch_file, "--set=simulator.stop_at_collision=false"];
-    let ended = robot.start(&[sets.as_slice(), &rates].concat()).wait();
+    // Beside the launch file's own robot.
+    let other = robot.start_up(&[&launch_file]).await_count("READY", 1);
+    let ended = robot.start(&[sets.as_slice(), &["--robot=waffle"], &rates].concat()).wait();
+    other.stop();
 
     ended.assert_code(0).assert_says(&["seed 3: 6 blows: READY after them, nothing left"]);
     let told = ended.out.lines().filter(|line| line.contains(" s  SIG")).count();

@@ -13,6 +13,7 @@ use rustix::event::{PollFd, PollFlags, Timespec};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use crate::namespace::check_name;
 use crate::{Namespace, clock, signal};
 
 /// [-] Lines of a log, for one who does not say how many.
@@ -114,6 +115,11 @@ impl Failure {
 /// A node's name as it was typed: ROS 2 has a slash before it.
 pub fn node_name(typed: &str) -> Result<String, Infallible> {
     Ok(typed.trim_start_matches('/').to_owned())
+}
+
+/// A robot's name as it was typed, where it can be one.
+pub fn robot_name(typed: &str) -> crate::Result<String> {
+    check_name(typed).map(|()| typed.to_owned())
 }
 
 /// The robot that is meant: by its name, or because no other runs.

@@ -5,6 +5,7 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use node::control;
 
 /// What to run, and how.
 #[derive(Debug, Clone, Args)]
@@ -25,20 +26,20 @@ pub struct Options {
     #[arg(long, value_name = "NUMBER")]
     pub seed: Option<u64>,
 
-    /// Whose time the robot lives in: lockstep or realtime
-    #[arg(long, value_name = "CLOCK")]
+    /// Whose time the robot lives in
+    #[arg(long, value_name = "CLOCK", value_parser = ["lockstep", "realtime"])]
     pub clock: Option<String>,
 
     /// End after this long, of the robot's own time
-    #[arg(long = "for", value_name = "SECONDS", allow_negative_numbers = true)]
+    #[arg(long = "for", value_name = "SECONDS", allow_negative_numbers = true, value_parser = seconds)]
     pub for_s: Option<f64>,
 
-    /// End when this is reached: round-trip or goal
-    #[arg(long, value_name = "END")]
+    /// End when this is reached
+    #[arg(long, value_name = "END", value_parser = ["round-trip", "goal"])]
     pub until: Option<String>,
 
     /// The robot's name: two of one name cannot run at once
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", value_parser = control::robot_name)]
     pub robot: Option<String>,
 
     /// Set any key of the launch file (`clock=realtime`) or of a process (`simulator.lidar.noise=gazebo`)
@@ -121,6 +122,12 @@ const REPORT: &str = "report.json";
 
 fn is_json(path: &Path) -> bool {
     path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"))
+}
+
+/// A length of time, where there can be one.
+fn seconds(typed: &str) -> Result<f64, &'static str> {
+    let seconds = typed.parse().ok().filter(|seconds| f64::is_finite(*seconds) && 0.0 < *seconds);
+    seconds.ok_or("give a number of seconds above zero")
 }
 
 /// As a TOML string, whatever it contains.

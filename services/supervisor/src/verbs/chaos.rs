@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use clap::Args;
 use interfaces::topics::MOTION_STATE;
-use node::control::Failure;
+use node::control::{self, Failure};
 use node::launch::{Launch, Restart};
 use node::{Error, Namespace, Settings, signal};
 use serde_json::Value;
@@ -52,6 +52,10 @@ pub struct ChaosOptions {
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
     faults: f64,
 
+    /// The robot's name [default: the launch file's]
+    #[arg(long, value_name = "NAME", value_parser = control::robot_name)]
+    robot: Option<String>,
+
     /// As `teseo up` would be given it
     #[arg(long = "set", value_name = "KEY=VALUE")]
     sets: Vec<String>,
@@ -61,7 +65,9 @@ pub struct ChaosOptions {
 pub(super) fn chaos(options: &ChaosOptions) -> Result<u8, Failure> {
     signal::listen();
     let refused = |error: Error| Failure::Refused(error.to_string());
-    let sets = [&["clock=realtime".to_owned()], options.sets.as_slice()].concat();
+    let mut sets = vec!["clock=realtime".to_owned()];
+    sets.extend(options.robot.iter().map(|name| format!("robot=\"{name}\"")));
+    sets.extend(options.sets.iter().cloned());
     let settings = Settings::of_supervisor(&options.launch, &sets).map_err(refused)?;
     check_restarts(settings.launch())?;
     let namespace = settings.namespace().map_err(refused)?;
