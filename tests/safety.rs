@@ -9,6 +9,7 @@ use rustix::process::Signal;
 use serde_json::Value;
 
 use crate::robot::{Robot, Run, alone};
+use crate::terminal::Terminal;
 use crate::witness::Witness;
 
 /// The robot that restarts what dies.
@@ -135,6 +136,32 @@ fn the_emergency_stop_needs_no_supervisor_and_outlives_the_run() {
         clear.assert_code(0).assert_says(&["released", "a cat"]);
         run.await_output("armed: commands move the robot").stop();
     });
+}
+
+// In lock-step it is the only thing on screen that tells a robot which waits from one that hangs.
+#[test]
+fn a_robot_that_comes_up_under_an_emergency_stop_says_what_holds_it_and_drives_when_it_is_released()
+{
+    let robot = Robot::new();
+    let latch = robot.start(&["estop", "--robot", "burger", "--reason", "a cat"]).wait();
+    latch.assert_code(0);
+    let terminal = Terminal::new(100, 30);
+    let run = terminal.start(&robot, &["up", "--until", "round-trip"], &[]);
+
+    terminal.await_screen("what holds the robot, and what releases it", |screen| {
+        let said = screen.split_whitespace().collect::<Vec<_>>().join(" ");
+        said.contains(
+            "its emergency stop is latched, by a cat; `teseo estop --clear --robot burger`",
+        )
+    });
+    terminal.await_screen("it in the live line too", |screen| {
+        let is_live = |line: &&str| line.contains(" s simulated ");
+        let live = screen.lines().find(is_live).unwrap_or_default().to_owned();
+        live.contains("emergency stop: stands still until teseo estop --clear")
+    });
+    robot.start(&["estop", "--clear", "--robot", "burger"]).wait().assert_code(0);
+    run.wait().assert_code(0);
+    assert!(terminal.shown().contains("round trip"), "{}", terminal.shown());
 }
 
 #[test]

@@ -5,7 +5,7 @@ use std::os::unix::process::CommandExt;
 use std::process::{Child, Command, ExitStatus};
 use std::time::Duration;
 
-use node::{Error, Result, signal};
+use node::{EmergencyStop, Error, Namespace, Result, say, signal};
 use rustix::event::{PollFd, PollFlags, Timespec};
 use rustix::process::{Pid, PidfdFlags, Signal};
 
@@ -32,6 +32,7 @@ pub(crate) fn up(options: &Options, check: Check) -> Result<u8> {
         namespace.remove();
         return Err(error);
     }
+    mention_emergency_stop(&namespace);
     sweep::inherit_orphans();
     let outcome = start(&lock).and_then(watch).map(exit_code);
     sweep::children();
@@ -43,6 +44,18 @@ pub(crate) fn up(options: &Options, check: Check) -> Result<u8> {
     }
     drop(lock);
     outcome
+}
+
+/// A robot that is held from the start looks like one that hangs, above all in lock-step.
+fn mention_emergency_stop(namespace: &Namespace) {
+    let latch = EmergencyStop::of(namespace);
+    if latch.is_latched() {
+        let (robot, by) = (namespace.robot(), latch.reason().unwrap_or_default());
+        say::mention(&format!(
+            "teseo: robot '{robot}' will stand still: its emergency stop is latched, by {by}; \
+             `teseo estop --clear --robot {robot}` releases it"
+        ));
+    }
 }
 
 /// Starts this very command again as the supervisor, which holds the lock with this process: who

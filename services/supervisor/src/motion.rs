@@ -29,6 +29,12 @@ impl Motion {
         Ok(None)
     }
 
+    /// Why the robot stands still, where that is not because its commands say so.
+    pub(crate) fn hold(&self) -> Option<String> {
+        let held = |state: &&MotionState| state.permission == Permission::Held as u8;
+        self.newest.as_ref().filter(held).and_then(|state| sentence(None, state))
+    }
+
     /// As the control socket tells it; null where nobody drives wheels.
     pub(crate) fn status(&self) -> Value {
         self.newest.as_ref().map_or(Value::Null, describe)

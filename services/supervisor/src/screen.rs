@@ -64,8 +64,15 @@ impl Screen {
         self.errors.print(&line);
     }
 
-    /// The live line: where the robot is, how fast time goes, how often things happen.
-    pub(crate) fn live(&mut self, now: Stamp, wall: Duration, members: &[Member]) {
+    /// The live line: where the robot is, how fast time goes, how often things happen; or why it stands
+    /// still, as `hold` says.
+    pub(crate) fn live(
+        &mut self,
+        now: Stamp,
+        wall: Duration,
+        members: &[Member],
+        hold: Option<String>,
+    ) {
         if !self.is_terminal || now < self.live_due {
             return;
         }
@@ -86,11 +93,10 @@ impl Screen {
         };
         let clearance = value("clearance_m")
             .map_or(String::new(), |clearance| format!("  clear {clearance:5.3} m"));
-        let factor = simulated / wall.as_secs_f64().max(1e-3);
         let rate = self.rate;
-        self.print(&format!(
-            "\r\x1b[K{simulated:7.2} s simulated  {factor:6.0} x  {pose}{clearance}  {rate:6.0} Hz"
-        ));
+        let way = hold.unwrap_or_else(|| format!("{pose}{clearance}  {rate:6.0} Hz"));
+        let factor = simulated / wall.as_secs_f64().max(1e-3);
+        self.print(&format!("\r\x1b[K{simulated:7.2} s simulated  {factor:6.0} x  {way}"));
     }
 
     /// Makes room where the live line was.

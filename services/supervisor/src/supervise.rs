@@ -437,7 +437,7 @@ impl<'a> Supervisor<'a> {
     fn show(&mut self) {
         let now = clock::now();
         let wall = self.wall();
-        self.screen.live(now, wall, &self.members);
+        self.screen.live(now, wall, &self.members, self.motion.hold());
         self.screen.flush();
         if self.systemd_due <= now {
             self.systemd_due = now.after(self.systemd_period);
