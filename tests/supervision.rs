@@ -341,6 +341,17 @@ fn detached_a_robot_runs_on_until_it_is_taken_down() {
 }
 
 #[test]
+fn a_runtime_directory_that_somebody_made_himself_outlives_its_robot() {
+    let robot = Robot::new();
+    fs::create_dir(robot.runtime()).unwrap();
+    verb(&robot, &["up", "--detach", &lab_robot(&robot, &[])], 0);
+    verb(&robot, &["down"], 0);
+
+    assert_eq!(fs::read_dir(robot.runtime()).unwrap().count(), 0);
+    fs::remove_dir(robot.runtime()).unwrap();
+}
+
+#[test]
 fn detached_a_robot_that_does_not_come_up_says_so() {
     let robot = Robot::new();
     let launch_file = lab_robot_with(&robot, "type = \"notify\"\nexec = [\"/bin/false\"]");

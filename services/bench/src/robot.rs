@@ -202,9 +202,7 @@ pub(crate) fn write(name: &str, files: &[(&str, &str)]) -> Result<PathBuf> {
     let directory = Namespace::runtime_directory().join(format!("{name}.files"));
     for (name, text) in files {
         let path = directory.join(name);
-        fs::create_dir_all(&directory)
-            .and_then(|()| fs::write(&path, text))
-            .map_err(failed(&path))?;
+        Namespace::make(&directory).and_then(|()| fs::write(&path, text)).map_err(failed(&path))?;
     }
     Ok(directory)
 }
@@ -212,7 +210,7 @@ pub(crate) fn write(name: &str, files: &[(&str, &str)]) -> Result<PathBuf> {
 /// Removes what [`write`] has written, and where it lies if nothing else does.
 pub(crate) fn remove(directory: &Path) {
     let _ = fs::remove_dir_all(directory);
-    let _ = fs::remove_dir(Namespace::runtime_directory());
+    Namespace::unmake(&Namespace::runtime_directory());
 }
 
 /// Tells a process to end, and waits until it has.

@@ -56,7 +56,7 @@ impl EmergencyStop {
             Err(cause) => Err(Error::File { path: self.0.clone(), cause }),
         };
         // The directory goes with its last file.
-        let _ = self.0.parent().map(std::fs::remove_dir);
+        self.0.parent().map(Namespace::unmake);
         outcome
     }
 

@@ -4,7 +4,7 @@ mod segments;
 mod sweep;
 
 use std::fs;
-use std::io::Write;
+use std::io::{self, Write};
 use std::os::unix::fs::{DirBuilderExt, MetadataExt};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -39,6 +39,13 @@ const SHARE_ATTEMPTS: u32 = 10;
 
 /// Between two of them.
 const SHARE_PAUSE: Duration = Duration::from_millis(5);
+
+/// Directories are for their user alone. The sticky bit, which means nothing where nobody else may write,
+/// marks those that were made here, and that go again with the last thing in them.
+const MADE: u32 = 0o1700;
+
+/// The same without what a directory inherits from the one above.
+const MADE_MASK: u32 = 0o1777;
 
 /// [byte] What a robot's names in shared memory have in common: `teseo0100_`, a hash and `_`.
 const PREFIX_LENGTH: usize = "teseo".len() + TRANSPORT.len() + 10;
@@ -145,11 +152,27 @@ impl Namespace {
 
     /// Makes the directory, for the robot's user alone.
     pub fn create_directory(&self) -> Result<()> {
-        fs::DirBuilder::new()
-            .recursive(true)
-            .mode(0o700)
-            .create(&self.directory)
+        Self::make(&self.directory)
             .map_err(|cause| Error::File { path: self.directory.clone(), cause })
+    }
+
+    /// Makes a directory where robots have theirs, and those above that are not there.
+    pub fn make(directory: &Path) -> io::Result<()> {
+        fs::DirBuilder::new().recursive(true).mode(MADE).create(directory)
+    }
+
+    /// Removes a directory and those above, as far as they were made by [`Namespace::make`] and nothing
+    /// is in them: what somebody has made himself stays.
+    pub fn unmake(directory: &Path) {
+        let was_made = |path: &&Path| {
+            let found = fs::symlink_metadata(path);
+            found.is_ok_and(|found| found.is_dir() && found.mode() & MADE_MASK == MADE)
+        };
+        for path in directory.ancestors().take_while(was_made) {
+            if fs::remove_dir(path).is_err() {
+                return;
+            }
+        }
     }
 
     /// The file whose lock is the right to run the robot.
@@ -254,6 +277,24 @@ mod tests {
         for stranger in ["teseo", "teseo0100_", "teseo0099_0123abcd_x", "teseo0100_0123abcx_y"] {
             assert_eq!(Namespace::prefix_of(stranger), None, "{stranger}");
         }
+    }
+
+    #[test]
+    fn directories_go_that_were_made_here_and_stay_where_somebody_else_made_them() {
+        let own = std::env::temp_dir().join(format!("teseo-n{}", std::process::id()));
+        let runtime = own.join("a/b");
+        fs::create_dir(&own).unwrap();
+        let robots = ["burger", "waffle"].map(|name| Namespace::under(&runtime, name).unwrap());
+        for robot in &robots {
+            robot.create_directory().unwrap();
+            assert_eq!(fs::metadata(robot.directory()).unwrap().mode() & 0o777, 0o700);
+        }
+
+        assert!(robots[0].remove().is_empty());
+        assert!(robots[1].directory().exists() && !robots[0].directory().exists());
+        assert!(robots[1].remove().is_empty());
+        assert_eq!(fs::read_dir(&own).unwrap().count(), 0);
+        fs::remove_dir(&own).unwrap();
     }
 
     #[test]

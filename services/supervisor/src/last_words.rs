@@ -53,7 +53,7 @@ pub(crate) fn forget(namespace: &Namespace) {
         && let Some(runtime) = path.parent()
     {
         // Unless another robot lives there.
-        let _ = fs::remove_dir(runtime);
+        Namespace::unmake(runtime);
     }
 }
 

@@ -80,11 +80,7 @@ impl Namespace {
         let left = self.clear();
         let _ = fs::remove_file(self.lock());
         // It stays with an emergency stop, which outlives the run, or where the next run has begun.
-        let _ = fs::remove_dir(&self.directory);
-        // The directory above goes too, unless another robot lives there.
-        if let Some(runtime) = self.directory.parent() {
-            let _ = fs::remove_dir(runtime);
-        }
+        Self::unmake(&self.directory);
         left
     }
 
