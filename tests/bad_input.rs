@@ -71,8 +71,11 @@ fn a_missing_world_is_refused_by_name() {
     let ended = refused(&["--world", "config/worlds/lab03.toml"]);
 
     ended.assert_code(CONFIG).assert_says(&["no such file", "config/worlds/lab03.toml"]);
-    // What there is instead.
+    // What there is instead, also where worlds are and somebody has not looked.
     ended.assert_says(&["lab02.toml"]);
+    let ended = refused(&["--world", "nosuch"]);
+    ended.assert_says(&["files in `config/worlds`: `lab02.toml`, `loop.toml`"]);
+    refused(&["--world", "loop"]).assert_says(&["did you mean `config/worlds/loop.toml`?"]);
 }
 
 #[test]
@@ -88,6 +91,20 @@ fn a_missing_launch_file_is_refused_by_name() {
 
     ended.assert_code(CONFIG).assert_says(&["no such file", "config/simulator.toml"]);
     ended.assert_says(&["simulation.toml"]);
+}
+
+#[test]
+fn a_file_that_is_no_launch_file_is_told_by_what_it_looks_like_and_nothing_else_is() {
+    let robot = Robot::new();
+    for (file, looks, instead) in [
+        ("config/worlds/lab02.toml", "it looks like a world", "with --world"),
+        ("config/controller/lab_robot.toml", "like a node's parameters", "`parameters_file`"),
+    ] {
+        for verb in [&["check"][..], &["up"], &["up", "--detach"], &["units"]] {
+            let ended = robot.start(&[verb, &[file]].concat()).wait();
+            ended.assert_code(CONFIG).assert_says(&[looks, instead, file, "1 error"]);
+        }
+    }
 }
 
 #[test]

@@ -3,6 +3,7 @@
 mod order;
 mod process;
 
+use std::fs;
 use std::path::Path;
 use std::time::Duration;
 
@@ -10,7 +11,9 @@ use serde::{Deserialize, Serialize};
 
 pub use process::{Kind, Process, Restart, Strategy};
 
-use crate::config::{Errors, Layers, Listable, Listed, Parameters, Report, Setting, Table};
+use crate::config::{
+    self, Errors, Layers, Listable, Listed, Parameters, Place, Report, Setting, Table,
+};
 use crate::faults::FaultsByTopic;
 use crate::namespace::check_name;
 use crate::pairing::{self, offline::Algorithm};
@@ -122,7 +125,12 @@ impl Launch {
         let launch = match read {
             Ok(launch) => launch,
             Err(others) => {
-                errors.extend(others);
+                if let Some(mistaken) = mistaken(path) {
+                    errors = Errors::default();
+                    errors.extend([mistaken]);
+                } else {
+                    errors.extend(others);
+                }
                 return Err(errors);
             }
         };
@@ -250,6 +258,22 @@ impl Parameters for Launch {
         }
         order::check(&self.process, report);
     }
+}
+
+/// That the file at `path` is another one that belongs to a robot, where it looks so.
+fn mistaken(path: &Path) -> Option<config::Error> {
+    let table: toml::Table = toml::from_str(&fs::read_to_string(path).ok()?).ok()?;
+    let has = |key: &&str| table.contains_key(*key);
+    if table.is_empty() || ["robot", "process", "clock", PAIRING].iter().any(has) {
+        return None;
+    }
+    let (looks, help) = if has(&"box") || table.get("start").is_some_and(toml::Value::is_table) {
+        ("a world", "give it with --world, and a launch file, such as config/simulation.toml")
+    } else {
+        ("a node's parameters", "give a launch file, of which this is the `parameters_file`")
+    };
+    let message = format!("this is no launch file; it looks like {looks}");
+    Some(config::Error::new(Place::File(path.to_owned()), "", message, help))
 }
 
 /// The one node that is no process of the launch file, and its table there.

@@ -12,7 +12,8 @@ use super::source::Origin;
 pub(super) fn unreadable(path: &Path, error: &io::Error, named_at: Option<&Origin>) -> Error {
     let (message, help) = match error.kind() {
         io::ErrorKind::NotFound => {
-            (format!("no such file: `{}`", path.display()), nearest_file(path))
+            let home = named_at.and_then(Origin::home);
+            (format!("no such file: `{}`", path.display()), nearest_file(path, home))
         }
         io::ErrorKind::IsADirectory => {
             (format!("`{}` is a directory", path.display()), files_in(path))
@@ -28,22 +29,33 @@ pub(super) fn unreadable(path: &Path, error: &io::Error, named_at: Option<&Origi
     }
 }
 
-/// A name near the first part of `path` that does not exist.
-fn nearest_file(path: &Path) -> String {
+/// A name near the first part of `path` that does not exist, or one where such files have their `home`.
+fn nearest_file(path: &Path, home: Option<&Path>) -> String {
     let mut missing = path;
     while let Some(parent) = missing.parent() {
         let directory = if parent.as_os_str().is_empty() { Path::new(".") } else { parent };
         if directory.is_dir() {
             let Some(name) = missing.file_name() else { break };
             let names = names_in(directory);
-            return match likely(&name.to_string_lossy(), &names).first() {
-                Some(name) => format!("did you mean `{}`?", parent.join(name).display()),
-                None => files_in(directory),
+            return match (likely(&name.to_string_lossy(), &names).first(), home) {
+                (Some(name), _) => format!("did you mean `{}`?", parent.join(name).display()),
+                (None, Some(home)) => nearest_at_home(path, home),
+                (None, None) => files_in(directory),
             };
         }
         missing = parent;
     }
     String::from("give the path of a file")
+}
+
+/// A name in `home` near that of the file at `path`, or all that there are.
+fn nearest_at_home(path: &Path, home: &Path) -> String {
+    let name = path.with_extension("toml");
+    let name = name.file_name().unwrap_or_default().to_string_lossy();
+    match likely(&name, &names_in(home)).first() {
+        Some(name) => format!("did you mean `{}`?", home.join(name).display()),
+        None => files_in(home),
+    }
 }
 
 fn files_in(directory: &Path) -> String {

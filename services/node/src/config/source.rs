@@ -30,6 +30,8 @@ pub(super) struct Origin {
     span: Range<usize>,
     /// Dotted, from the top of the source.
     pub(super) key: String,
+    /// Of what was typed, what a file has in its place, as the name of another file.
+    instead_of: Option<PathBuf>,
 }
 
 impl Origin {
@@ -42,7 +44,21 @@ impl Origin {
         while !text.is_char_boundary(end) {
             end += 1;
         }
-        Self { source: Arc::clone(source), span: start..end.max(start), key }
+        Self { source: Arc::clone(source), span: start..end.max(start), key, instead_of: None }
+    }
+
+    /// This is laid over the `name` that is written at `below`.
+    pub(super) fn lie_over(&mut self, below: &Self, name: &str) {
+        self.instead_of = match (&*self.source, &*below.source) {
+            (Source::Setting { .. }, Source::File { .. }) => Some(below.directory().join(name)),
+            (Source::Setting { .. }, Source::Setting { .. }) => below.instead_of.clone(),
+            (Source::File { .. }, _) => None,
+        };
+    }
+
+    /// Where the file lies that this was typed instead of.
+    pub(super) fn home(&self) -> Option<&Path> {
+        self.instead_of.as_deref()?.parent()
     }
 
     /// The same place, for another key.

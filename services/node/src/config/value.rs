@@ -69,7 +69,15 @@ impl Value {
                     }
                 }
             }
-            (_, kind) => *self = Self { kind, origin: above.origin },
+            (below, kind) => {
+                let mut origin = above.origin;
+                if let (Kind::String(name), Some(below)) = (below, &self.origin)
+                    && let Some(origin) = &mut origin
+                {
+                    origin.lie_over(below, name);
+                }
+                *self = Self { kind, origin };
+            }
         }
     }
 

@@ -43,6 +43,41 @@ fn a_file_name_is_relative_to_the_file_it_is_written_in() {
 }
 
 #[test]
+fn a_name_that_is_typed_instead_of_one_in_a_file_is_looked_for_beside_that() {
+    #[derive(Debug, Default, Deserialize)]
+    #[serde(default, deny_unknown_fields)]
+    struct Launch {
+        world: FileName,
+    }
+    impl Parameters for Launch {}
+
+    let directory = Directory::new("typed-names");
+    let path = directory.write("launch.toml", "world = 'worlds/lab.toml'");
+    directory.write("worlds/lab.toml", "");
+    directory.write("worlds/loop.toml", "");
+    let help = |typed: &str| {
+        let sets = set(&["world=before.toml", &format!("world={typed}")]);
+        let launch: Launch = Layers::new().file(&path).settings(&sets).parse().unwrap();
+        let errors = Layers::new().named(&launch.world).parse::<Config>().unwrap_err();
+        errors[0].help.replace(directory.0.to_str().unwrap(), "~")
+    };
+
+    let all = "files in `~/worlds`: `lab.toml`, `loop.toml`";
+    for (typed, expected) in [
+        ("maze", all),
+        ("maze.toml", all),
+        ("worlds/maze.toml", all),
+        ("loop", "did you mean `~/worlds/loop.toml`?"),
+        ("worlds/lab.toml", "did you mean `~/worlds/lab.toml`?"),
+    ] {
+        assert_eq!(help(typed), expected, "{typed}");
+    }
+    // Beside where it was looked for is nearer.
+    let near = directory.0.join("worlds/lob.toml");
+    assert_eq!(help(near.to_str().unwrap()), "did you mean `~/worlds/lab.toml`?");
+}
+
+#[test]
 fn a_file_that_cannot_be_read_is_told_with_what_is_there() {
     let directory = Directory::new("missing-files");
     directory.write("simulation.toml", "");
