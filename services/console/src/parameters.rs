@@ -1,12 +1,14 @@
 //! `teseo param`: what a node was told, and telling it something else while it runs.
 
+mod file;
+
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::{Arg, ArgAction, Args, Subcommand};
 use node::config::{Listed, Place, suggestion_or};
 use node::control::{self, Connection, Failure, Request};
-use node::say::{complain, mention, say, wrapped};
+use node::say::{mention, say, wrapped};
 use node::{Choice, Clock, Settings, Tunable, clock};
 use serde_json::{Map, Value, json};
 
@@ -138,12 +140,12 @@ impl Parameters {
             Verb::Dump { robot, node } => {
                 let robot = robot.find()?;
                 let node = robot.node(node)?;
-                say(&dumped(&all(&robot, node, know)?))?;
+                say(&file::dumped(&all(&robot, node, know)?))?;
             }
             Verb::Load { robot, node, file } => {
                 let robot = robot.find()?;
                 let node = robot.node(node)?;
-                return load(&robot, node, &all(&robot, node, know)?, file);
+                return file::load(&robot, node, &all(&robot, node, know)?, file);
             }
         }
         Ok(0)
@@ -273,67 +275,6 @@ fn check_tunable(robot: &Robot, node: &Node, parameter: &Parameter) -> Result<()
         format!("`teseo restart {name}`")
     };
     Err(Failure::Refused(format!("{name}: {key} {why}; write it to {file}, then {then}")))
-}
-
-/// As a file of parameters, a line for each. What is absent has none.
-fn dumped(all: &[Parameter]) -> String {
-    let present = all.iter().filter(|parameter| !parameter.value.is_null());
-    // What JSON has for text, numbers and lists TOML has too.
-    let line = |parameter: &Parameter| format!("{} = {}", parameter.key, parameter.value);
-    present.map(line).collect::<Vec<_>>().join("\n")
-}
-
-/// Changes what `file` says otherwise; the exit code is 1 where something of that is not to be.
-fn load(robot: &Robot, node: &Node, all: &[Parameter], file: &Path) -> Result<u8, Failure> {
-    let failed = |cause: String| Failure::Refused(format!("{}: {cause}", file.display()));
-    let text = std::fs::read_to_string(file).map_err(|cause| failed(cause.to_string()))?;
-    let tree: Value = toml::from_str(&text).map_err(|cause| failed(cause.message().to_owned()))?;
-    let mut wanted = Vec::new();
-    flatten(&tree, String::new(), &mut wanted);
-    let (mut code, mut changes) = (0, 0);
-    for (key, value) in wanted {
-        let outcome = find(all, &node.name, &key).and_then(|parameter| {
-            if same(&parameter.value, &value) {
-                return Ok(None);
-            }
-            check_tunable(robot, node, parameter)?;
-            set(robot, &node.name, &key, &shown(&value)).map(Some)
-        });
-        match outcome {
-            Ok(None) => {}
-            Ok(Some(told)) => {
-                changes += 1;
-                say(&told)?;
-            }
-            Err(failure @ Failure::Refused(_)) => {
-                complain(&failure);
-                code = failure.code();
-            }
-            Err(failure) => return Err(failure),
-        }
-    }
-    if changes == 0 && code == 0 {
-        say(&format!("{} goes by that already", node.name))?;
-    }
-    Ok(code)
-}
-
-/// The keys of a tree, dotted, with their values.
-fn flatten(tree: &Value, key: String, all: &mut Vec<(String, Value)>) {
-    match tree {
-        Value::Object(table) => {
-            for (step, value) in table {
-                let dot = if key.is_empty() { "" } else { "." };
-                flatten(value, format!("{key}{dot}{step}"), all);
-            }
-        }
-        value => all.push((key, value.clone())),
-    }
-}
-
-/// Whether the two say the same: `2` is `2.0`.
-fn same(one: &Value, other: &Value) -> bool {
-    one == other || one.as_f64().zip(other.as_f64()).is_some_and(|(a, b)| a.total_cmp(&b).is_eq())
 }
 
 /// A node was told what its files said when it started, and nobody knows that any more where they have
@@ -527,28 +468,6 @@ mod tests {
         ] {
             assert_eq!(unit(key), expected, "{key}");
         }
-    }
-
-    #[test]
-    fn what_is_dumped_is_a_file_of_parameters() {
-        let parameter = |key: &str, value: Value| Parameter {
-            key: key.to_owned(),
-            default: value.clone(),
-            value,
-            from: From::Change,
-            tunable: None,
-        };
-        let all = [
-            parameter("algorithm", json!("wall_following")),
-            parameter("wall_following.angular_max_rad_s", Value::Null),
-            parameter("wall_following.speed_m_s", json!(0.15)),
-        ];
-        let text = dumped(&all);
-        assert_eq!(text, "algorithm = \"wall_following\"\nwall_following.speed_m_s = 0.15");
-        let mut keys = Vec::new();
-        flatten(&toml::from_str(&text).unwrap(), String::new(), &mut keys);
-        assert_eq!(keys[1], ("wall_following.speed_m_s".to_owned(), json!(0.15)));
-        assert!(same(&json!(2), &json!(2.0)) && !same(&json!("2"), &json!(2)));
     }
 
     #[test]
