@@ -312,7 +312,8 @@ fn a_parameter_is_changed_while_the_robot_drives_and_the_change_is_an_event() {
 
     let list = said(&robot, &["param", "list", "controller"]);
     assert_eq!(row(&list, SPEED)[1..5], ["0.15", "m/s", "0.01..0.22", "-"]);
-    assert!(row(&list, "pacing")[4].starts_with("lab_robot.toml:"), "{}", list.story());
+    assert_eq!(row(&list, "pacing")[4], "[1]:7");
+    assert_eq!(row(&list, "[1]")[1], "config/controller/lab_robot.toml");
     assert_eq!(said(&robot, &["param", "get", "controller", SPEED]).out, "0.15\n");
 
     said(&robot, &["param", "set", "controller", SPEED, "0.05"]).assert_says(&["0.15 -> 0.05"]);
@@ -345,6 +346,29 @@ fn a_parameter_is_changed_while_the_robot_drives_and_the_change_is_an_event() {
     // Another life of the node goes by the launch file again.
     said(&robot, &["restart", "controller"]);
     assert_eq!(said(&robot, &["param", "get", "controller", SPEED]).out, "0.15\n");
+    run.stop();
+}
+
+// It failed where files were told by their names alone.
+#[test]
+fn each_parameter_s_file_can_be_opened_also_where_two_have_one_name() {
+    let robot = Robot::new();
+    robot.folder("own");
+    robot.file("own/launch.toml", include_str!("../config/controller/lab_robot.toml"));
+    let own = "\"own/launch.toml\"\n\n[process.parameters]\nperiod_s = 0.04\n";
+    let launch_file =
+        robot.launch_file_from(REALTIME, &[("\"controller/lab_robot.toml\"", own.trim_end())]);
+    let run = robot.start_up(&[&launch_file]);
+    robot.await_ready();
+
+    let list = said(&robot, &["param", "list", "controller"]);
+    for (key, value) in [("period_s", "0.04"), ("input_age_max_s", "0.5")] {
+        let from = row(&list, key)[5];
+        let (number, line) = from.split_once(':').unwrap();
+        let file = std::fs::read_to_string(row(&list, number)[1]).unwrap();
+        let line = file.lines().nth(line.parse::<usize>().unwrap() - 1).unwrap();
+        assert!(line.starts_with(&format!("{key} = {value}")), "{line}\n{}", list.story());
+    }
     run.stop();
 }
 

@@ -158,8 +158,12 @@ fn list(robot: &Robot, node: &Node, json: bool, know: Know) -> Result<(), Failur
         let all: Vec<_> = all.iter().map(Parameter::json).collect();
         say(&json!(all).to_string())?;
     } else {
-        let rows: Vec<_> = all.iter().map(Parameter::cells).collect();
+        let mut files = Vec::new();
+        let rows: Vec<_> = all.iter().map(|parameter| parameter.cells(&mut files)).collect();
         say(&table(&["PARAMETER", "VALUE", "MAY BE", "DEFAULT", "FROM"], &rows))?;
+        for (number, file) in (1..).zip(files) {
+            say(&format!("[{number}] {}", from_here(file).display()))?;
+        }
     }
     mention_newer_files(robot, node, &all);
     Ok(())
@@ -320,7 +324,8 @@ impl Robot {
 }
 
 impl Parameter {
-    fn cells(&self) -> Vec<String> {
+    /// A row of the table; a file is told by its number in `files`, since no column is wide enough.
+    fn cells<'a>(&'a self, files: &mut Vec<&'a Path>) -> Vec<String> {
         vec![
             self.key.clone(),
             self.measured(),
@@ -331,7 +336,7 @@ impl Parameter {
                 None => "-".to_owned(),
             },
             if self.default == self.value { "-".to_owned() } else { shown(&self.default) },
-            self.source(),
+            self.source(files),
         ]
     }
 
@@ -372,15 +377,19 @@ impl Parameter {
         }
     }
 
-    fn source(&self) -> String {
+    fn source<'a>(&'a self, files: &mut Vec<&'a Path>) -> String {
+        let mut number = |file: &'a Path| {
+            let known = files.iter().position(|known| *known == file);
+            1 + known.unwrap_or_else(|| {
+                files.push(file);
+                files.len() - 1
+            })
+        };
         match &self.from {
             From::Place(Place::Default) => "default".to_owned(),
             From::Place(Place::Setting(_)) => "--set".to_owned(),
-            From::Place(Place::Line { file, line, .. }) => {
-                let name = file.file_name().unwrap_or_default().to_string_lossy();
-                format!("{name}:{line}")
-            }
-            From::Place(Place::File(file)) => file.display().to_string(),
+            From::Place(Place::Line { file, line, .. }) => format!("[{}]:{line}", number(file)),
+            From::Place(Place::File(file)) => format!("[{}]", number(file)),
             From::Change => "param set".to_owned(),
         }
     }
@@ -407,6 +416,12 @@ impl Parameter {
             "from": place,
         })
     }
+}
+
+/// As it would be typed here.
+fn from_here(file: &Path) -> &Path {
+    let below = std::env::current_dir().ok().and_then(|here| file.strip_prefix(here).ok());
+    below.unwrap_or(file)
 }
 
 /// What it may be changed to.
