@@ -238,6 +238,20 @@ fn one_publishes_where_nobody_does_and_is_told_who_does_where_not() {
     run.stop();
 }
 
+// Nothing of the robot comes or goes meanwhile, which would clear away after the dead too.
+#[test]
+fn one_who_published_and_was_killed_is_in_the_way_of_nobody() {
+    let robot = Robot::new();
+    let run = realtime(&robot);
+
+    let first = robot.start(&["topic", "pub", "pose", "x=1", "--rate", "20"]);
+    let heard = robot.start(&["topic", "echo", "pose", "-n", "1"]).wait();
+    heard.assert_code(0);
+    first.signal(Signal::KILL).wait();
+    said(&robot, &["topic", "pub", "pose", "x=2"]).assert_says(&["sent 1 on pose"]);
+    run.stop();
+}
+
 #[test]
 fn a_pose_that_is_published_hands_the_robot_over() {
     let robot = Robot::new();

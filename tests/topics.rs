@@ -35,6 +35,33 @@ fn where_the_publisher_has_gone_another_may_take_its_place() {
     });
 }
 
+// A process that is killed gives nothing back, and nobody but whoever is asked to looks for the dead.
+#[test]
+fn the_place_of_a_publisher_that_was_killed_is_free_once_the_dead_are_cleared() {
+    alone(|robot| {
+        let publisher = robot.start(&["odometry", "--autostart", "--set", "clock=realtime"]);
+        let namespace = robot.namespace();
+        let session = Session::join(&namespace, "next", 1).unwrap();
+        let mut events = session.subscriber_to(&TRANSITION_EVENT, "odometry").unwrap();
+        // One who is killed on his way up may leave what the dead cannot be known by.
+        let active = Some(State::Active as u8);
+        let mut state = || events.latest().unwrap().map(|event| event.goal_state);
+        assert!(wait_until(Duration::from_secs(10), || state() == active));
+        publisher.signal(Signal::KILL).wait();
+        let monitors = || {
+            let nodes = std::fs::read_dir(namespace.directory().join("nodes")).unwrap();
+            nodes.filter(|node| node.as_ref().unwrap().path().is_dir()).count()
+        };
+
+        let refusal = session.publisher(&ODOMETRY).unwrap_err();
+        assert!(matches!(&refusal, Error::Taken { .. }), "{refusal}");
+        assert_eq!(monitors(), 2);
+        namespace.clear_dead().unwrap();
+        assert_eq!(monitors(), 1);
+        session.publisher(&ODOMETRY).unwrap();
+    });
+}
+
 #[test]
 fn a_second_controller_is_refused_and_the_robot_drives_on() {
     let robot = Robot::new();
