@@ -1,9 +1,12 @@
 //! Looking at a robot that runs: what the console's verbs show of it, and that it does not notice.
 
+use std::fs::{self, Permissions};
+use std::os::unix::fs::PermissionsExt;
+use std::path::Path;
 use std::time::Duration;
 
 use interfaces::topics;
-use node::{Session, observe};
+use node::{Namespace, Session, observe};
 use rustix::process::Signal;
 use serde_json::Value;
 
@@ -249,6 +252,22 @@ fn one_who_published_and_was_killed_is_in_the_way_of_nobody() {
     heard.assert_code(0);
     first.signal(Signal::KILL).wait();
     said(&robot, &["topic", "pub", "pose", "x=2"]).assert_says(&["sent 1 on pose"]);
+    run.stop();
+}
+
+#[test]
+fn what_a_killed_guest_left_half_made_is_swept_before_the_next_one_joins() {
+    let robot = Robot::new();
+    let run = realtime(&robot);
+    // As one leaves it who is killed between two system calls: the transport could wait for it for ever.
+    let whole = robot.segments().pop().unwrap();
+    let name = format!("{}half_made.dynamic", Namespace::prefix_of(&whole).unwrap());
+    let half_made = Path::new("/dev/shm").join(name);
+    fs::write(&half_made, "").unwrap();
+    fs::set_permissions(&half_made, Permissions::from_mode(0o200)).unwrap();
+
+    said(&robot, &["topic", "pub", "pose", "x=2"]).assert_says(&["sent 1 on pose"]);
+    assert!(!half_made.exists(), "the guest did not wait, or nobody swept");
     run.stop();
 }
 

@@ -258,6 +258,9 @@ pub(crate) fn configurations(cores: usize) -> (Vec<Hop>, Vec<String>) {
     (hops, absent)
 }
 
+/// How far it is from one core to another: of what lock-step does in a step, most is on this way.
+pub(crate) const FLAG: Hop = Hop::new(Way::Flag, Size::Line, Place::Across, Pace::BackToBack);
+
 /// What a futex wake-up takes at the paces of a robot: what its whole loop is compared with.
 pub(crate) fn floors() -> [Hop; 2] {
     [Pace::Millisecond, Pace::Slow]

@@ -57,6 +57,10 @@ pub(crate) fn configurations(rows: &[Row], cores: usize, drive: Drive) -> (Vec<W
         works.extend(bridge::configurations().map(Work::Bridge));
     }
     if is_asked(Row::Lockstep) {
+        if !is_asked(Row::Hop) && 1 < cores {
+            // A virtual machine's cores may share a cache at one time and none at another.
+            works.push(Work::Hop(hop::FLAG));
+        }
         works.extend(lockstep::configurations().into_iter().map(Work::Lockstep));
         works.extend(lockstep::alone(drive).into_iter().map(Work::Alone));
         absent.push(

@@ -43,6 +43,9 @@ const QUIET: char = '~';
 /// The same of readers that are no part of the robot: in lock-step it does not wait for them.
 const OBSERVER: char = '?';
 
+/// By then the supervisor has removed what a killed guest left half made.
+const GUEST_PATIENCE: Duration = Duration::from_secs(3);
+
 /// Long enough for another process to finish a system call.
 const OPEN_PAUSE: Duration = Duration::from_millis(5);
 
@@ -82,8 +85,10 @@ impl Session {
     }
 
     /// Joins `namespace` as a guest called `name`, whom no supervisor starts, in a life whose number
-    /// nobody has counted. It clears away what guests before it held that were killed.
+    /// nobody has counted. It clears away what guests before it held that were killed, when nothing
+    /// is half made any more: that would hold it up for ever.
     pub fn guest(namespace: &Namespace, name: &str) -> Result<Self> {
+        namespace.await_finished(GUEST_PATIENCE);
         namespace.clear_dead()?;
         Self::join(namespace, name, uncounted_epoch(clock::now()))
     }

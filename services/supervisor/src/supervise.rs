@@ -44,6 +44,9 @@ pub(crate) const UNFINISHED_AGE: Duration = Duration::from_millis(300);
 /// However long something unfinished stays, a life is not put off for longer.
 pub(crate) const UNFINISHED_WAIT: Duration = Duration::from_secs(1);
 
+/// Between two looks at what those have left who were none of ours.
+const SWEEP_PERIOD: Duration = Duration::from_secs(1);
+
 /// Between two looks at what is unfinished.
 pub(crate) const POLL_POSTPONED: Duration = Duration::from_millis(10);
 
@@ -106,6 +109,7 @@ pub(crate) struct Supervisor<'a> {
     /// Lives that wait until what the last one left is out of their way.
     postponed: Vec<(usize, u32, Stamp)>,
     unfinished: Unfinished,
+    sweep_due: Stamp,
     pub(crate) screen: Screen,
     systemd: Notifier,
     systemd_period: Duration,
@@ -154,6 +158,7 @@ impl<'a> Supervisor<'a> {
             events: VecDeque::new(),
             postponed: Vec::new(),
             unfinished: Unfinished::default(),
+            sweep_due: now,
             screen: Screen::new(now, options.log.format),
             systemd: Notifier::from_environment(),
             systemd_period: watchdog_period(),
@@ -227,6 +232,10 @@ impl<'a> Supervisor<'a> {
         }
         self.read_logs(now);
         self.spawn_postponed();
+        if self.sweep_due <= now {
+            let is_clean = self.sweep_unfinished() == 0;
+            self.sweep_due = now.after(if is_clean { SWEEP_PERIOD } else { UNFINISHED_AGE });
+        }
         Ok(())
     }
 

@@ -26,6 +26,9 @@ const UNFINISHED_MODE: u32 = 0o200;
 /// How long another process that clears after the same dead one is waited for.
 const OTHER_CLEANER_MAX: Duration = Duration::from_secs(1);
 
+/// Between two looks whether all is finished.
+const FINISH_POLL: Duration = Duration::from_millis(5);
+
 /// What a look for unfinished files came to.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Swept {
@@ -100,13 +103,21 @@ impl Namespace {
             swept: Swept::default(),
         };
         for path in self.segments() {
-            let is_unfinished =
-                |file: &fs::Metadata| file.len() == 0 || file.mode() & 0o777 == UNFINISHED_MODE;
             look.at(&path, is_unfinished);
         }
         self.sweep_tree(&self.directory, &mut look);
         known.0 = look.after;
         look.swept
+    }
+
+    /// Waits until no shared memory is unfinished, because its maker has finished it or the supervisor
+    /// has swept it, but not for longer than `patience`.
+    pub(crate) fn await_finished(&self, patience: Duration) {
+        let until = clock::now().after(patience);
+        let is_unfinished = |path: PathBuf| fs::metadata(path).is_ok_and(|file| is_unfinished(&file));
+        while self.segments().any(is_unfinished) && clock::now() < until {
+            clock::nap(FINISH_POLL);
+        }
     }
 
     /// Takes from the dead what they held: their ports' places on topics, and their files. For whoever
@@ -170,6 +181,11 @@ impl Namespace {
             }
         }
     }
+}
+
+/// Whether shared memory is not yet what it shall be.
+fn is_unfinished(file: &fs::Metadata) -> bool {
+    file.len() == 0 || file.mode() & 0o777 == UNFINISHED_MODE
 }
 
 impl Look {
