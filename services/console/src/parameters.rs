@@ -213,7 +213,7 @@ fn all(robot: &Robot, node: &Node, know: Know) -> Result<Vec<Parameter>, Failure
         let (name, file) = (&node.name, robot.config());
         return Err(Failure::Refused(format!(
             "{name} has no table of parameters of its own; what it is told stands in {}",
-            file.display()
+            from_here(&file).display()
         )));
     };
     let changed = &node.json["changed"];
@@ -264,12 +264,12 @@ fn check_tunable(robot: &Robot, node: &Node, parameter: &Parameter) -> Result<()
         "is read when the node starts, and cannot be changed while it runs"
     };
     let file = match &parameter.from {
-        From::Place(Place::Line { file, line, .. }) => format!("{}:{line}", file.display()),
+        From::Place(Place::Line { file, line, .. }) => format!("{}:{line}", from_here(file).display()),
         From::Place(Place::Setting(_)) => {
             let how = "`--set` gave it: `teseo down`, and `teseo up` with another";
             return Err(Failure::Refused(format!("{name}: {key} {why}; {how}")));
         }
-        From::Place(_) | From::Change => robot.config().display().to_string(),
+        From::Place(_) | From::Change => from_here(&robot.config()).display().to_string(),
     };
     // A node in its supervisor's process goes by what that one has read.
     let is_thread = node.json["pid"] == robot.json["supervisor"];
@@ -297,7 +297,7 @@ fn mention_newer_files(robot: &Robot, node: &Node, all: &[Parameter]) {
     for file in files.iter().filter(|file| age(file).is_some_and(|age| age < uptime)) {
         mention(&format!(
             "{} was written after {} started, which goes by what it said before",
-            file.display(),
+            from_here(file).display(),
             node.name
         ));
     }
