@@ -110,6 +110,8 @@ pub(crate) struct Supervisor<'a> {
     postponed: Vec<(usize, u32, Stamp)>,
     unfinished: Unfinished,
     sweep_due: Stamp,
+    /// When shared memory had last changed as nothing in it was unfinished.
+    clean: Option<(i64, i64)>,
     pub(crate) screen: Screen,
     systemd: Notifier,
     systemd_period: Duration,
@@ -159,6 +161,7 @@ impl<'a> Supervisor<'a> {
             postponed: Vec::new(),
             unfinished: Unfinished::default(),
             sweep_due: now,
+            clean: None,
             screen: Screen::new(now, options.log.format),
             systemd: Notifier::from_environment(),
             systemd_period: watchdog_period(),
@@ -232,10 +235,7 @@ impl<'a> Supervisor<'a> {
         }
         self.read_logs(now);
         self.spawn_postponed();
-        if self.sweep_due <= now {
-            let is_clean = self.sweep_unfinished() == 0;
-            self.sweep_due = now.after(if is_clean { SWEEP_PERIOD } else { UNFINISHED_AGE });
-        }
+        self.sweep_after_guests(now);
         Ok(())
     }
 
@@ -362,6 +362,17 @@ impl<'a> Supervisor<'a> {
     /// [-] What may still be under way, of all that is unfinished.
     fn sweep_unfinished(&mut self) -> usize {
         self.namespace.sweep_unfinished(&mut self.unfinished, UNFINISHED_AGE).unfinished
+    }
+
+    /// Those who are none of ours come and go, too, and may be killed at it.
+    fn sweep_after_guests(&mut self, now: Stamp) {
+        if now < self.sweep_due {
+            return;
+        }
+        let changed = Namespace::memory_changed();
+        let is_clean = changed == self.clean || self.sweep_unfinished() == 0;
+        self.clean = changed.filter(|_| is_clean);
+        self.sweep_due = now.after(if is_clean { SWEEP_PERIOD } else { UNFINISHED_AGE });
     }
 
     fn spawn_postponed(&mut self) {

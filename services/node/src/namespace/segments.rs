@@ -89,6 +89,13 @@ impl Namespace {
         PathBuf::from(SHARED_MEMORY).join(format!("{}{name}", self.prefix))
     }
 
+    /// [s, ns] When a file last came into shared memory or went: on whatever clock, what counts is
+    /// whether it is another.
+    pub fn memory_changed() -> Option<(i64, i64)> {
+        let directory = fs::metadata(SHARED_MEMORY).ok()?;
+        Some((directory.mtime(), directory.mtime_nsec()))
+    }
+
     /// The robot's files in shared memory.
     pub(crate) fn segments(&self) -> impl Iterator<Item = PathBuf> {
         let prefix = self.prefix.clone().into_bytes();
