@@ -25,6 +25,9 @@ const TIMEOUT: Duration = Duration::from_secs(30);
 /// How long a test waits for something that must not happen.
 const SILENCE: Duration = Duration::from_millis(300);
 
+/// What a person is told who may drive.
+const TAKES_OVER: &str = "the first key takes over";
+
 /// Turn left on the spot, whatever was pressed before.
 const LEFT: &str = "saaaaa";
 
@@ -42,7 +45,7 @@ fn a_person_drives_over_autonomy_and_gives_the_robot_back() {
         let mut watch = Watch::new(robot);
         watch.await_driver("autonomy");
         let terminal = Terminal::new(80, 24);
-        let teleop = drive(&terminal, robot, &["--hold"]).await_output("the first key takes over");
+        let teleop = drive(&terminal, robot, &["--hold"]);
 
         watch.await_odometry_while(&terminal, LEFT, "turns on the spot", |odometry| {
             odometry.linear.abs() < 0.005 && (odometry.angular - TURNING).abs() < 0.05
@@ -68,7 +71,7 @@ fn a_hand_that_has_left_the_keyboard_stops_the_robot() {
         let run = up(robot);
         let mut watch = Watch::new(robot);
         let terminal = Terminal::new(80, 24);
-        let teleop = drive(&terminal, robot, &[]).await_output("the first key takes over");
+        let teleop = drive(&terminal, robot, &[]);
 
         watch.await_odometry_while(&terminal, LEFT, "turns", |odometry| 0.4 < odometry.angular);
         watch.await_odometry("stands", |odometry| {
@@ -92,7 +95,7 @@ fn a_robot_without_autonomy_is_ready_for_a_person() {
         let run = robot.start_up(&[&launch_file]).await_count("READY", 1);
         let mut watch = Watch::new(robot);
         let terminal = Terminal::new(80, 24);
-        let teleop = drive(&terminal, robot, &[]).await_output("the first key takes over");
+        let teleop = drive(&terminal, robot, &[]);
 
         watch.await_odometry_while(&terminal, LEFT, "turns", |odometry| 0.4 < odometry.angular);
         terminal.press("\x03");
@@ -106,9 +109,9 @@ fn a_second_person_is_refused() {
     alone(|robot| {
         let run = up(robot);
         let (terminal, other) = (Terminal::new(80, 24), Terminal::new(80, 24));
-        let teleop = drive(&terminal, robot, &[]).await_output("the first key takes over");
+        let teleop = drive(&terminal, robot, &[]);
 
-        let refused = drive(&other, robot, &[]).wait();
+        let refused = robot.start_at(&["teleop"], other.end(), None).wait();
         refused.assert_code(1);
         refused.assert_says(&["'teleop_cmd_vel' already has its one publisher (teleop)"]);
 
@@ -137,14 +140,14 @@ fn where_the_person_is_killed_autonomy_takes_over_and_another_person_may() {
         let run = up(robot);
         let mut watch = Watch::new(robot);
         let terminal = Terminal::new(80, 24);
-        let teleop = drive(&terminal, robot, &["--hold"]).await_output("the first key takes over");
+        let teleop = drive(&terminal, robot, &["--hold"]);
         watch.await_odometry_while(&terminal, LEFT, "turns", |odometry| 0.4 < odometry.angular);
 
         teleop.signal(Signal::KILL).wait();
         watch.await_driver("autonomy");
 
         let another = Terminal::new(80, 24);
-        let teleop = drive(&another, robot, &["--hold"]).await_output("the first key takes over");
+        let teleop = drive(&another, robot, &["--hold"]);
         let what = "turns the other way";
         watch.await_odometry_while(&another, "sddddd", what, |odometry| odometry.angular < -0.4);
         another.press("q");
@@ -159,7 +162,7 @@ fn one_whose_terminal_is_gone_drives_no_more() {
         let run = up(robot);
         let mut watch = Watch::new(robot);
         let terminal = Terminal::new(80, 24);
-        let teleop = drive(&terminal, robot, &["--hold"]).await_output("the first key takes over");
+        let teleop = drive(&terminal, robot, &["--hold"]);
         watch.await_odometry_while(&terminal, LEFT, "turns", |odometry| 0.4 < odometry.angular);
 
         // A reader keeps what comes to it, but only from a publisher that it has met.
@@ -190,7 +193,7 @@ fn the_terminal_is_as_it_was_however_driving_ends() {
     ];
     for way in ways {
         let teleop = drive_shown(&terminal, &robot);
-        terminal.await_shown("the first key takes over");
+        terminal.await_shown(TAKES_OVER);
         assert!(!terminal.modes().local_modes.contains(LocalModes::ECHO), "keys are echoed");
 
         match way {
@@ -210,7 +213,7 @@ fn where_the_robot_goes_down_so_does_its_person() {
     let run = up(&robot);
     let terminal = Terminal::new(80, 24);
     let before = format!("{:?}", terminal.modes());
-    let teleop = drive(&terminal, &robot, &[]).await_output("the first key takes over");
+    let teleop = drive(&terminal, &robot, &[]);
     terminal.press("s");
     let teleop = teleop.await_output(" 0.00 m/s");
     run.stop();
@@ -226,7 +229,7 @@ fn what_is_not_shown_on_a_terminal_has_no_escape_codes() {
     let robot = Robot::new();
     let run = up(&robot);
     let terminal = Terminal::new(80, 24);
-    let teleop = drive(&terminal, &robot, &[]).await_output("the first key takes over");
+    let teleop = drive(&terminal, &robot, &[]);
     terminal.press("w");
     let teleop = teleop.await_output("0.01 m/s");
     terminal.press("q");
@@ -449,9 +452,10 @@ impl Watch {
     }
 }
 
-/// Starts `teseo teleop` at `terminal`, with its standard output in a file.
+/// Starts `teseo teleop` at `terminal`, with its standard output in a file, where nobody drives yet.
 fn drive<'a>(terminal: &Terminal, robot: &'a Robot, options: &[&str]) -> Run<'a> {
-    robot.start_at(&[&["teleop"], options].concat(), terminal.end(), None)
+    let teleop = robot.start_at(&[&["teleop"], options].concat(), terminal.end(), None);
+    teleop.await_output(TAKES_OVER)
 }
 
 /// The same with its standard output on the terminal too.

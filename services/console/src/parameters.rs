@@ -264,7 +264,9 @@ fn check_tunable(robot: &Robot, node: &Node, parameter: &Parameter) -> Result<()
         "is read when the node starts, and cannot be changed while it runs"
     };
     let file = match &parameter.from {
-        From::Place(Place::Line { file, line, .. }) => format!("{}:{line}", from_here(file).display()),
+        From::Place(Place::Line { file, line, .. }) => {
+            format!("{}:{line}", from_here(file).display())
+        }
         From::Place(Place::Setting(_)) => {
             let how = "`--set` gave it: `teseo down`, and `teseo up` with another";
             return Err(Failure::Refused(format!("{name}: {key} {why}; {how}")));

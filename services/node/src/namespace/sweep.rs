@@ -114,7 +114,8 @@ impl Namespace {
     /// has swept it, but not for longer than `patience`.
     pub(crate) fn await_finished(&self, patience: Duration) {
         let until = clock::now().after(patience);
-        let is_unfinished = |path: PathBuf| fs::metadata(path).is_ok_and(|file| is_unfinished(&file));
+        let is_unfinished =
+            |path: PathBuf| fs::metadata(path).is_ok_and(|file| is_unfinished(&file));
         while self.segments().any(is_unfinished) && clock::now() < until {
             clock::nap(FINISH_POLL);
         }
