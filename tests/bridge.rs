@@ -332,19 +332,29 @@ fn an_emulated_robot_that_has_no_time_for_the_round_trip_says_so() {
 }
 
 #[test]
-fn a_port_that_cannot_be_opened_is_refused_with_what_to_do() {
+fn a_port_that_cannot_be_opened_is_told_with_what_to_do_and_waited_for() {
     let robot = Robot::new();
     let emulated = Emulated::start(&robot, &[]);
-    let launch_file = emulated.launch_file(&robot, &[("restart = \"on-failure\"\n", "")]);
+    // Longer than which no node waits for its first data unless it is asked to.
+    let short = ("drives = true", "drives = true\nstart_timeout_ms = 1500");
+    let launch_file = emulated.launch_file(&robot, &[short]);
     let board = emulated.port("board");
-    let refused = |set: &str, says: &[&str]| {
-        robot.up(&[&launch_file, "--set", set]).assert_code(4).assert_says(says);
-    };
-    refused("turtlebot3.board_port=/dev/teseo-nobody", &["is not there: plug it in"]);
-    refused("turtlebot3.lidar_port=/dev/null", &["the LiDAR: /dev/null is no serial port"]);
+    let none = robot.start_up(&[&launch_file, "--set", "turtlebot3.lidar_port=/dev/null"]);
+    none.await_output("LiDAR: /dev/null is no serial port").stop().assert_code(0);
+
+    let plugged = robot.folder("plugged");
+    let later = format!("turtlebot3.board_port={plugged}/board");
+    let run = robot.start_up(&[&launch_file, "--set", &later]);
+    let run = run.await_output("is not there: plug it in").go_on(Duration::from_secs(3));
+    std::fs::create_dir_all(&plugged).unwrap();
+    std::os::unix::fs::symlink(&board, format!("{plugged}/board")).unwrap();
+    run.await_output("READY").stop().assert_code(0);
+
     let other = occupy(&board);
-    refused("seed=1", &["the OpenCR: ", "is in use by another program: sudo fuser"]);
+    let run = robot.start_up(&[&launch_file]);
+    let run = run.await_output("is in use by another program: sudo fuser");
     drop(other);
+    run.await_output("READY").stop().assert_code(0);
     // The board's port is none of a LiDAR.
     let wrong = format!("turtlebot3.lidar_port={board}");
     robot
@@ -377,7 +387,7 @@ fn a_port_that_nobody_may_open_is_refused_with_the_group_that_may() {
     if std::fs::File::open(&port).is_ok() {
         println!("skipped: root may open every port (its words have a test of their own)");
     } else {
-        robot.up(&[&launch_file]).assert_code(4).assert_says(&["usermod -aG dialout"]);
+        robot.start_up(&[&launch_file]).await_output("usermod -aG dialout").stop();
     }
     emulated.stop();
 }

@@ -216,6 +216,8 @@ pub(crate) struct Machine {
     readiness: Readiness,
     /// Since when all nodes have been active, so that data can flow all the way round.
     all_active_since: Option<Stamp>,
+    /// Until when a node that is active has asked everybody to wait for its data.
+    data_awaited_until: Stamp,
     /// Set once the robot goes down: why.
     ending: Option<Ending>,
     is_over: bool,
@@ -288,6 +290,7 @@ impl Machine {
             plans,
             readiness: Readiness { is_ready: false, was_ready: false, since: now },
             all_active_since: None,
+            data_awaited_until: Stamp::ZERO,
             ending: None,
             is_over: false,
             had_to_kill: false,
@@ -398,12 +401,13 @@ impl Machine {
     }
 
     /// Until when the topics of an active node have to carry data for the first time: counted from
-    /// where all are active, since what it sends may need what the others send.
+    /// where all are active, since what it sends may need what the others send, and extended for all
+    /// by any of them that asks for it.
     fn data_deadline(&self, node: usize) -> Option<Stamp> {
         let life = &self.lives[node];
         let is_due = life.phase == Phase::Active && life.want == Want::Up && !life.has_flowed;
         let since = self.all_active_since.filter(|_| is_due)?;
-        Some(since.after(self.plans[node].start_timeout))
+        Some(since.after(self.plans[node].start_timeout).max(self.data_awaited_until))
     }
 
     /// SIGTERM, and SIGKILL after the time-out.

@@ -7,7 +7,7 @@ mod told;
 use std::time::Duration;
 
 use interfaces::{Outcome, Stamp};
-use node::{Error, Latency, Node, Result, Settings, Wheels};
+use node::{Latency, Node, Result, Settings, Wheels};
 
 use crate::board::Wish;
 use crate::config::PositiveTurn;
@@ -92,22 +92,16 @@ struct Bridge {
 }
 
 impl Bridge {
-    /// A robot whose ports are not there when it is started is not started.
     fn new(node: &mut Node<'_>, config: &Config) -> Result<Self> {
         let wheels = Wheels::new(node, &config.deadman)?;
-        let mut board = BoardDesk::new(node, config)?;
-        let mut lidar = LidarDesk::new(node, config)?;
-        let now = node::clock::now();
-        board.open(node, now).map_err(|refusal| Error::Fault(format!("the OpenCR: {refusal}")))?;
-        lidar.open(node, now).map_err(|refusal| Error::Fault(format!("the LiDAR: {refusal}")))?;
         Ok(Self {
             turn_sign: match config.positive_turn {
                 PositiveTurn::Counterclockwise => 1.0,
                 PositiveTurn::Clockwise => -1.0,
             },
             wheels,
-            board,
-            lidar,
+            board: BoardDesk::new(node, config)?,
+            lidar: LidarDesk::new(node, config)?,
             heard: None,
             wish: Wish::default(),
             age: node.latency_by_steps("scan_to_command"),

@@ -15,7 +15,7 @@ impl Machine {
                 News::Changed { goal, reason }
             }
             News::Pinged => return self.lives[node].pinged = now,
-            News::NeedsTime(more) => return self.lives[node].phase.extend(now, more),
+            News::NeedsTime(more) => return self.extend(node, more, now),
             News::Finished { is_success, why } => return self.finish(is_success, why, now),
             News::IsIn(_)
             | News::Hung
@@ -41,6 +41,16 @@ impl Machine {
             }
             // Its process is gone; whatever it said before is history.
             Phase::Down | Phase::Ended | Phase::Lost => {}
+        }
+    }
+
+    /// For what it is doing; where it is active, for its first data.
+    fn extend(&mut self, node: usize, more: Duration, now: Stamp) {
+        let life = &mut self.lives[node];
+        if life.phase != Phase::Active {
+            life.phase.extend(now, more);
+        } else if !life.has_flowed {
+            self.data_awaited_until = self.data_awaited_until.max(now.after(more));
         }
     }
 

@@ -100,7 +100,7 @@ impl BoardDesk {
     }
 
     /// Opens the port, if it is time to try.
-    pub(super) fn open(&mut self, node: &Node<'_>, now: Stamp) -> std::result::Result<(), Refusal> {
+    fn open(&mut self, node: &Node<'_>, now: Stamp) -> std::result::Result<(), Refusal> {
         match self.line.open(now, BAUD_RATE) {
             None => {}
             Some(Err(refusal)) => return Err(refusal),
@@ -147,7 +147,7 @@ impl BoardDesk {
             self.ask(&request);
         }
         if let Err(refusal) = self.open(node, now) {
-            self.told.trouble(node, &refusal.to_string());
+            self.told.closed(node, &refusal);
         }
         let mut piece = [0; PIECE];
         loop {

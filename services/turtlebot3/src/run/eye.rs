@@ -63,7 +63,7 @@ impl LidarDesk {
     }
 
     /// Opens the port, if it is time to try.
-    pub(super) fn open(&mut self, node: &Node<'_>, now: Stamp) -> std::result::Result<(), Refusal> {
+    fn open(&mut self, node: &Node<'_>, now: Stamp) -> std::result::Result<(), Refusal> {
         let model = self.lidar.model();
         match self.line.open(now, model.baud_rate()) {
             None => return Ok(()),
@@ -98,7 +98,7 @@ impl LidarDesk {
     /// Publishes the turns that have come whole.
     pub(super) fn turn(&mut self, node: &mut Node<'_>, now: Stamp) -> Result {
         if let Err(refusal) = self.open(node, now) {
-            self.told.trouble(node, &refusal.to_string());
+            self.told.closed(node, &refusal);
         }
         let mut piece = [0; PIECE];
         loop {
