@@ -339,8 +339,11 @@ fn a_port_that_cannot_be_opened_is_told_with_what_to_do_and_waited_for() {
     let short = ("drives = true", "drives = true\nstart_timeout_ms = 1500");
     let launch_file = emulated.launch_file(&robot, &[short]);
     let board = emulated.port("board");
-    let none = robot.start_up(&[&launch_file, "--set", "turtlebot3.lidar_port=/dev/null"]);
-    none.await_output("LiDAR: /dev/null is no serial port").stop().assert_code(0);
+    let none = "turtlebot3.lidar_port=/dev/null";
+    let detached = robot.start(&["up", "--detach", &launch_file, "--set", none]);
+    let detached = detached.await_output("LiDAR: /dev/null is no serial port");
+    robot.start(&["down"]).wait().assert_code(0);
+    detached.wait();
 
     let plugged = robot.folder("plugged");
     let later = format!("turtlebot3.board_port={plugged}/board");

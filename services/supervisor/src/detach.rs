@@ -1,7 +1,8 @@
 //! `teseo up --detach`: the robot goes on when this command has returned.
 
 use std::fs::File;
-use std::io::{Read, Seek, Write};
+use std::io::Write;
+use std::os::unix::fs::FileExt;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
@@ -37,23 +38,39 @@ pub(crate) fn up(options: &Options) -> Result<u8> {
     await_ready(guardian, &namespace, said)
 }
 
-fn await_ready(mut guardian: Child, namespace: &Namespace, mut said: File) -> Result<u8> {
+fn await_ready(mut guardian: Child, namespace: &Namespace, said: File) -> Result<u8> {
+    let mut said = Said { file: said, shown: 0 };
     loop {
         let ended = guardian.try_wait();
         let ended = ended.map_err(|cause| Error::Fault(format!("lost sight of it: {cause}")))?;
         // Not another's, which had the robot before this guardian could find it held.
         let is_ready = verbs::is_ready(namespace, guardian.id());
+        said.show();
         if ended.is_none() && !is_ready {
             clock::nap(POLL);
             continue;
         }
-        let mut text = String::new();
-        drop(said.rewind().and_then(|()| said.read_to_string(&mut text)));
-        drop(std::io::stdout().write_all(text.as_bytes()));
         if ended.is_some() {
             last_words::forget(namespace);
         }
         return Ok(ended.map_or(0, guardian::exit_code));
+    }
+}
+
+/// What the guardian has written, and how much of it is shown.
+struct Said {
+    file: File,
+    shown: u64,
+}
+
+impl Said {
+    /// Shows what has come, without moving the place where the guardian writes.
+    fn show(&mut self) {
+        let mut piece = [0; 4096];
+        while let Ok(length @ 1..) = self.file.read_at(&mut piece, self.shown) {
+            drop(std::io::stdout().write_all(&piece[..length]));
+            self.shown += length as u64;
+        }
     }
 }
 
