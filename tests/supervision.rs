@@ -329,6 +329,21 @@ fn one_started_beside_a_node_that_is_down_is_there_and_said_to_send_nothing() {
 }
 
 #[test]
+fn one_started_says_who_stays_down_until_started_too() {
+    let robot = Robot::new();
+    let run = ready(&robot, &[]);
+    let still_down = "controller stays finalized: teseo start controller";
+    verb(&robot, &["stop", "odometry"], 0).assert_says(&["takes down controller with it"]);
+    verb(&robot, &["start", "odometry"], 0).assert_says(&["odometry is active\n", still_down]);
+    verb(&robot, &["restart", "simulator"], 0).assert_says(&["active again\n", still_down]);
+    verb(&robot, &["status"], 1);
+    let last = verb(&robot, &["start", "controller"], 0);
+    assert!(!last.out.contains("stays"), "{}", last.story());
+    verb(&robot, &["status"], 0);
+    run.stop();
+}
+
+#[test]
 fn detached_a_robot_runs_on_until_it_is_taken_down() {
     let robot = Robot::new();
     let launch_file = lab_robot(&robot, &[]);

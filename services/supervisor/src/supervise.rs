@@ -437,12 +437,15 @@ impl<'a> Supervisor<'a> {
         };
         // Those that went down with it come up again after it.
         let is_settled = !(0..members.len()).any(is_moving);
+        let is_down = |node: &usize| machine.node(*node).doing == Doing::Stopped;
+        let down = (0..members.len()).filter(is_down).map(|node| &members[node].name);
+        let down: Vec<_> = down.collect();
         self.desk.settle(|node, goal| match goal {
             Goal::Active { epoch } => {
                 let view = machine.node(node);
                 let is_there = epoch <= view.epoch && view.state == State::Active && is_settled;
                 let silent = silent(node).filter(|_| view.doing == Doing::Stalled);
-                is_there.then(|| json!({ "ok": true, "silent": silent }))
+                is_there.then(|| json!({ "ok": true, "silent": silent, "down": down }))
             }
             Goal::Down => (!members[node].lives()).then(|| json!({ "ok": true })),
         });

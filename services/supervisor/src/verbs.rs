@@ -84,7 +84,7 @@ pub enum Verb {
         #[allow(missing_docs, reason = "the flattened options document themselves")]
         node: OneNode,
     },
-    /// Bring a node and whoever it requires up again
+    /// Bring a node and whoever it requires up again, and say who stays down
     #[command(after_help = "Example:\n  teseo start controller")]
     Start {
         #[command(flatten)]

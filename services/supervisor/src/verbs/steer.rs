@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use node::control::{Connection, Failure, Heard, Request, told};
 use node::{Namespace, clock};
+use serde_json::Value;
 
 use super::follow::{Feed, Layout};
 use node::say::say;
@@ -50,6 +51,10 @@ pub(super) fn steer(
     let silent = answer["silent"].as_str();
     let silent = silent.map(|topic| format!(", but sends nothing on {topic}")).unwrap_or_default();
     say(&format!("{node} is {}{silent}", goal.label()))?;
+    // Who was taken down by name, or with another, is started by name.
+    for node in answer["down"].as_array().into_iter().flatten().filter_map(Value::as_str) {
+        say(&format!("{node} stays finalized: teseo start {node}"))?;
+    }
     Ok(0)
 }
 
