@@ -449,6 +449,42 @@ exec = "logger"
     assert_told(&ended, &["launch.toml:11:8\n", "`process[1].exec`", "expected an array"]);
 }
 
+#[test]
+fn beside_a_wrong_clock_check_tells_the_other_mistakes_and_none_that_follows() {
+    let text = r#"robot = "burger"
+clock = "realtyme"
+wait = "never"
+
+[[process]]
+name = "simulator"
+
+[process.parameters]
+start = "nowhere"
+
+[[process]]
+name = "odometry"
+
+[process.parameters]
+source = "whels"
+
+[[process]]
+name = "controller"
+parameters_file = "missing.toml"
+
+[[process]]
+name = "multiplexer"
+
+[[process]]
+name = "turtlebot3"
+"#;
+    let ended = check(text);
+
+    ended.assert_code(CONFIG).assert_says(&["5 errors"]);
+    assert_told(&ended, &[&place(text, "\"realtyme\""), "did you mean `realtime`?"]);
+    assert_told(&ended, &[&place(text, "\"whels\""), "parameters.source`"]);
+    ended.assert_says(&["\"never\"", "nowhere", "missing.toml"]);
+}
+
 /// `teseo check` of a launch file of this text.
 fn check(text: &str) -> Ended {
     let robot = Robot::new();

@@ -103,8 +103,12 @@ impl Settings {
         let (sets, mut errors) = parse(sets);
         let mut read = None;
         let outcome = Launch::read_and(file, &sets, |launch, report| {
-            // What is right for a process depends on the clock.
-            read = (!report.is_mended("clock")).then(|| launch.clone());
+            let mut launch = launch.clone();
+            if report.is_mended("clock") {
+                // No process refuses it: nothing is told that only follows from the wrong one.
+                launch.clock = Clock::Realtime;
+            }
+            read = Some(launch);
         });
         errors.extend(outcome.err().into_iter().flatten());
         let settings = read.map(|launch| Self {
