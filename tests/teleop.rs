@@ -58,6 +58,11 @@ fn a_person_drives_over_autonomy_and_gives_the_robot_back() {
         teleop.wait().assert_code(0);
         watch.await_driver("autonomy");
         watch.await_odometry("drives on", |odometry| 0.05 < odometry.linear);
+        // That a person drove is on record, and who did before and after.
+        let events = robot.start(&["events", "multiplexer"]).wait();
+        let mut story = events.out.split("teleop drives");
+        assert!(story.all(|part| part.contains("autonomy drives")), "{}", events.story());
+        events.assert_says(&["teleop drives"]);
         let ended = run.stop();
         ended.assert_counters_close();
         assert_eq!(ended.topics()["cmd_vel"]["publisher"], "multiplexer", "{}", ended.story());

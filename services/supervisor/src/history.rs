@@ -84,8 +84,9 @@ impl History {
         self.push(("parameter", Some(node), Some(epoch)), text, details, at, wall)
     }
 
-    /// Takes in what a node says of itself. What it said before is forgotten where nothing else has
-    /// happened since: one who tells how far it has come would leave room for nothing else.
+    /// Takes in what a node says of itself. What it said before is forgotten where that had the same
+    /// letters, and nothing else has happened since: one who tells in figures how far it has come
+    /// would leave room for nothing else.
     pub(crate) fn add_words(
         &mut self,
         node: usize,
@@ -94,7 +95,12 @@ impl History {
         at: Stamp,
         wall: SystemTime,
     ) -> &Happening {
-        let is_more = |last: &Happening| last.node == Some(node) && last.json["kind"] == SAYS;
+        let letters = |text: &str| text.chars().filter(|c| c.is_alphabetic()).collect::<String>();
+        let is_more = |last: &Happening| {
+            last.node == Some(node)
+                && last.json["kind"] == SAYS
+                && letters(&last.text) == letters(text)
+        };
         if self.happenings.back().is_some_and(is_more) {
             self.happenings.pop_back();
         }
@@ -247,5 +253,17 @@ mod tests {
         let texts: Vec<_> = history.of(None).map(|happening| happening.text.as_str()).collect();
         let flows = "its topics carry data again";
         assert_eq!(texts, [flows, "3999 done", "3999 done", flows, "all done"]);
+    }
+
+    #[test]
+    fn what_a_node_said_in_other_words_stays() {
+        let mut history = History::new(vec!["multiplexer".to_owned()]);
+        let words = ["autonomy drives", "teleop drives", "autonomy drives"];
+        for text in words {
+            history.add_words(0, 1, text, Stamp::ZERO, SystemTime::UNIX_EPOCH);
+        }
+
+        let texts: Vec<_> = history.of(None).map(|happening| happening.text.as_str()).collect();
+        assert_eq!(texts, words);
     }
 }
