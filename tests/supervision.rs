@@ -383,8 +383,15 @@ fn detached_a_robot_that_ends_by_itself_tells_how_until_it_runs_again() {
     verb(&robot, &["up", "--detach", &launch_file, "--for", "2"], 0).assert_says(&["READY"]);
     robot.await_no_process();
 
-    let story = ["burger ended at ", "with exit code 0", "2 s are over"];
-    verb(&robot, &["status"], 3).assert_says(&story);
+    let story = ["burger ended at ", "it said last:", "READY in"];
+    let status = verb(&robot, &["status"], 3);
+    status.assert_says(&story);
+    let first = status.err.lines().next().unwrap_or_default();
+    assert!(first.contains("2 s are over, cells 1"), "{}", status.story());
+    let points = ["is running", "`teseo status` tells how it ended"];
+    for other in [&["events"][..], &["logs"], &["restart", "controller"]] {
+        verb(&robot, other, 3).assert_says(&points);
+    }
     verb(&robot, &["why", "controller", "--robot", "burger"], 3).assert_says(&story);
     let other = verb(&robot, &["status", "--robot", "other"], 3);
     assert!(!other.err.contains("ended"), "{}", other.story());

@@ -23,8 +23,12 @@ const TAIL: u64 = 64 * 1024;
 pub(crate) fn keep(namespace: &Namespace, code: u8) {
     let Ok(output) = std::io::stdout().as_fd().try_clone_to_owned() else { return };
     let (robot, now) = (namespace.robot(), humantime::format_rfc3339_seconds(clock::wall()));
-    let mut text = format!("{robot} ended at {now} with exit code {code}; it said last:\n");
-    for line in last_of(&File::from(output)) {
+    let said = last_of(&File::from(output));
+    // Why it ended is the last line of its report, of which the rest may be long.
+    let why = said.iter().rev().find_map(|line| line.strip_prefix("end  ")).map(str::trim);
+    let why = why.map_or_else(|| format!("with exit code {code}"), str::to_owned);
+    let mut text = format!("{robot} ended at {now}: {why}; it said last:\n");
+    for line in said {
         let _ = writeln!(text, "  {line}");
     }
     let path = namespace.last_words();

@@ -187,11 +187,12 @@ impl Verb {
             Self::Logs { robot, node, follow, lines, json } => {
                 let (node, follow, lines) = (node.clone(), *follow, *lines);
                 let request = Request::Logs { node, follow, lines };
-                Feed::Logs.show(robot.name(), &request, follow, *json)
+                robot.find_or_point(|robot| Feed::Logs.show(robot, &request, follow, *json))
             }
             Self::Events { robot, node, follow, json } => {
                 let (node, follow) = (node.clone(), *follow);
-                Feed::Events.show(robot.name(), &Request::Events { node, follow }, follow, *json)
+                let request = Request::Events { node, follow };
+                robot.find_or_point(|robot| Feed::Events.show(robot, &request, follow, *json))
             }
             Self::Estop { robot, clear: true, .. } => motion::release(robot.name()),
             Self::Estop { robot, clear: false, reason } => motion::stop(robot.name(), reason),
@@ -221,12 +222,30 @@ impl Which {
         }
         outcome
     }
+
+    /// Does `verb` for the robot; of one that does not run, says who tells how it ended.
+    fn find_or_point(
+        &self,
+        verb: impl FnOnce(&Namespace) -> Result<u8, Failure>,
+    ) -> Result<u8, Failure> {
+        let outcome = control::find(self.name()).and_then(|namespace| verb(&namespace));
+        outcome.map_err(|failure| match failure {
+            Failure::NotRunning(why) if self.has_last_words() => {
+                Failure::NotRunning(format!("{why}; `teseo status` tells how it ended"))
+            }
+            other => other,
+        })
+    }
+
+    fn has_last_words(&self) -> bool {
+        !last_words::read(&Namespace::runtime_directory(), self.name()).is_empty()
+    }
 }
 
 impl OneNode {
     fn steer(&self, goal: Goal) -> Result<u8, Failure> {
-        let namespace = control::find(self.robot.name())?;
-        steer::steer(&namespace, &self.node, goal, Duration::from_secs(self.wait))
+        let wait = Duration::from_secs(self.wait);
+        self.robot.find_or_point(|robot| steer::steer(robot, &self.node, goal, wait))
     }
 }
 

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use node::control::{self, Connection, Failure, Heard, Request, told};
-use node::signal;
+use node::control::{Connection, Failure, Heard, Request, told};
+use node::{Namespace, signal};
 use serde_json::Value;
 
 use node::say::{say, shown, time_of_day};
@@ -21,16 +21,15 @@ pub(super) enum Feed {
 impl Feed {
     pub(super) fn show(
         self,
-        robot: Option<&str>,
+        namespace: &Namespace,
         request: &Request,
         follow: bool,
         json: bool,
     ) -> Result<u8, Failure> {
-        let namespace = control::find(robot)?;
         if follow {
             signal::listen();
         }
-        let mut connection = Connection::open(&namespace, request)?;
+        let mut connection = Connection::open(namespace, request)?;
         let mut layout = Layout::new(self);
         if follow {
             return self.follow(&mut connection, &mut layout, json);
