@@ -106,6 +106,8 @@ fn topics_are_listed_with_who_is_at_them() {
         (scan[1], &scan[scan.len() - 3..]),
         ("LaserScan", &["simulator", "pairing,", "controller"][..])
     );
+    assert_eq!(row(&list, "motion_state")[2..], ["latched", "simulator", "controller"]);
+    assert_eq!(row(&list, "pose")[2], "-", "{}", list.story());
     assert!(!list.out.contains("\nimu ") && !list.out.contains('/'), "{}", list.story());
     let all = said(&robot, &["topic", "list", "--all"]);
     all.assert_says(&["\nimu ", "controller/status "]);
@@ -344,8 +346,8 @@ fn a_parameter_is_changed_while_the_robot_drives_and_the_change_is_an_event() {
     let run = realtime(&robot);
 
     let list = said(&robot, &["param", "list", "controller"]);
-    assert_eq!(row(&list, SPEED)[1..5], ["0.15", "m/s", "0.01..0.22", "-"]);
-    assert_eq!(row(&list, "pacing")[4], "[1]:7");
+    assert_eq!(row(&list, SPEED)[1..5], ["0.15", "m/s", "0.01..0.22", "same"]);
+    assert_eq!(row(&list, "pacing")[2..], ["fixed", "every_pair", "[1]:7"]);
     assert_eq!(row(&list, "[1]")[1], "config/controller/lab_robot.toml");
     assert_eq!(said(&robot, &["param", "get", "controller", SPEED]).out, "0.15\n");
 

@@ -12,7 +12,7 @@ use node::say::say;
 use serde_json::{Value, json};
 
 use crate::robot::Robot;
-use crate::table::{WIDTH, cut, hertz, listed};
+use crate::table::{WIDTH, cut, listed, rate};
 use crate::topic::join;
 use crate::{Which, refused};
 
@@ -207,7 +207,7 @@ impl Edge {
     }
 
     fn label(&self) -> String {
-        self.rate.map_or_else(String::new, hertz)
+        self.publisher.as_ref().and_then(|_| rate(&self.topic, self.rate)).unwrap_or_default()
     }
 }
 

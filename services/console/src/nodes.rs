@@ -6,7 +6,7 @@ use node::say::{say, shown, span};
 use serde_json::{Value, json};
 
 use crate::robot::{Node, Port};
-use crate::table::{WIDTH, cut, hertz, number, table};
+use crate::table::{WIDTH, cut, number, rate, table};
 use crate::{Which, understood};
 
 /// A verb about nodes.
@@ -110,7 +110,8 @@ fn described(node: &Node) -> String {
 }
 
 fn port(port: &Port) -> Vec<String> {
-    let rate = port.rate.map_or_else(|| "-".to_owned(), hertz);
+    let rate = port.publishes.then(|| rate(&port.topic, port.rate)).flatten();
+    let rate = rate.unwrap_or_else(|| "-".to_owned());
     vec![port.topic.clone(), rate, port.samples.to_string(), port.lost.to_string()]
 }
 

@@ -335,9 +335,9 @@ impl Parameter {
                 // They are too long for a column; `param describe` has them.
                 Some(Choice::Word(words)) => format!("{} words", words.len()),
                 Some(to) => choice(to),
-                None => "-".to_owned(),
+                None => "fixed".to_owned(),
             },
-            if self.default == self.value { "-".to_owned() } else { shown(&self.default) },
+            if self.default == self.value { "same".to_owned() } else { shown(&self.default) },
             self.source(files),
         ]
     }

@@ -1,5 +1,7 @@
 //! Plain text in columns, and numbers as people read them.
 
+use interfaces::topics::Loss;
+use node::observe;
 pub(crate) use node::say::WIDTH;
 
 /// Rows under a title, each column as wide as its widest cell; what does not fit is cut.
@@ -47,6 +49,13 @@ pub(crate) fn number(value: f64) -> String {
 /// A rate: `20.0 Hz`.
 pub(crate) fn hertz(rate: f64) -> String {
     format!("{rate:.1} Hz")
+}
+
+/// The rate of a topic that is published: one that is latched is sent by occasion, where a rate says
+/// nothing.
+pub(crate) fn rate(topic: &str, rate: Option<f64>) -> Option<String> {
+    let is_latched = observe::row(topic).is_some_and(|row| row.loss == Loss::Latched);
+    if is_latched { Some("latched".to_owned()) } else { rate.map(hertz) }
 }
 
 /// Several names, or a dash where there is none.

@@ -15,7 +15,7 @@ use node::{Clock, Session};
 use serde_json::{Value, json};
 
 use crate::robot::Robot;
-use crate::table::{hertz, listed, table};
+use crate::table::{listed, rate, table};
 use crate::{Which, refused, understood};
 use meter::Figure;
 
@@ -196,10 +196,11 @@ impl Line {
     }
 
     fn cells(&self) -> Vec<String> {
+        let rate = self.publisher.as_ref().and_then(|_| rate(&self.row.name, self.rate));
         vec![
             self.row.name.clone(),
             self.row.message.to_owned(),
-            self.rate.map_or_else(|| "-".to_owned(), hertz),
+            rate.unwrap_or_else(|| "-".to_owned()),
             self.publisher.clone().unwrap_or_else(|| "-".to_owned()),
             listed(&self.readers),
         ]
