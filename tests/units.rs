@@ -39,11 +39,28 @@ fn a_user_s_units_are_taken_too() {
         let (ended, files) = make(&robot, Path::new(&launch), per_node, &["--user"]);
         ended.assert_code(0);
         verify(&files, "--user");
+        let (next, enable) = ended.out.split_once("enable --now").unwrap();
+        assert!(enable.starts_with(" teseo-burger."), "{}", ended.story());
+        for file in &files {
+            let link = format!("  systemctl --user link {}\n", file.display());
+            assert!(next.contains(&link), "no {link} in\n{}", ended.story());
+        }
         for file in &files {
             let text = fs::read_to_string(file).unwrap();
             assert!(!text.contains("\nUser="), "{}", file.display());
         }
     }
+}
+
+#[test]
+fn units_where_systemd_looks_for_them_need_no_link() {
+    let robot = Robot::new();
+    let launch = robot.launch_file_from(LAB_ROBOT, &[]);
+    let directory = PathBuf::from(robot.folder("etc")).join("systemd/system");
+    let ended = robot.start(&["units", &launch, "--out", directory.to_str().unwrap()]).wait();
+
+    ended.assert_code(0).assert_says(&["systemctl enable --now teseo-burger.service"]);
+    assert!(!ended.out.contains("link"), "{}", ended.story());
 }
 
 #[test]

@@ -138,6 +138,11 @@ impl Robot {
         Namespace::under(&Path::new(&above).join(RUNTIME), &self.launch.robot).map(drop)
     }
 
+    /// How the directories end in which systemd looks for units.
+    const fn search_path(&self) -> &'static str {
+        if self.is_user { "systemd/user" } else { "systemd/system" }
+    }
+
     /// The target that starts it with the machine, or when the user comes.
     const fn wanted_by(&self) -> &'static str {
         if self.is_user { "default.target" } else { "multi-user.target" }
@@ -164,12 +169,12 @@ fn write(directory: &Path, files: &[File], robot: &Robot, per_node: bool) -> Res
         fs::rename(&fresh, &path).map_err(failed(&path))?;
         let _ = writeln!(said, "wrote {}", path.display());
     }
-    said.push_str(&next(robot, per_node));
+    said.push_str(&next(robot, per_node, directory, files)?);
     Ok(said)
 }
 
 /// The commands to type next.
-fn next(robot: &Robot, per_node: bool) -> String {
+fn next(robot: &Robot, per_node: bool, directory: &Path, files: &[File]) -> Result<String> {
     let (systemctl, journalctl) = if robot.is_user {
         ("systemctl --user", "journalctl --user")
     } else {
@@ -183,6 +188,12 @@ fn next(robot: &Robot, per_node: bool) -> String {
             "  getent passwd {user} >/dev/null || useradd --system --no-create-home {user}"
         );
     }
+    let directory = absolute(directory)?;
+    if !directory.ends_with(robot.search_path()) {
+        for file in files {
+            let _ = writeln!(next, "  {systemctl} link {}", directory.join(&file.name).display());
+        }
+    }
     let start = if per_node { format!("{name}.target") } else { format!("{name}.service") };
     let _ = writeln!(next, "  {systemctl} daemon-reload");
     let _ = writeln!(next, "  {systemctl} enable --now {start}");
@@ -194,5 +205,5 @@ fn next(robot: &Robot, per_node: bool) -> String {
              started again at once"
         );
     }
-    next
+    Ok(next)
 }
