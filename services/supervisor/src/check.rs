@@ -75,7 +75,8 @@ fn check_programs(
         if let Some(program) = process.exec.first()
             && let Err(why) = shim::find_program(program)
         {
-            let help = "build it, write its whole path, or put it beside teseo or into PATH";
+            let help = "build it (a node of this workspace: cargo build --release --workspace), \
+                        write its whole path, or put it beside teseo or into PATH";
             report.refuse(format!("{key}.exec[0]"), why, help);
         }
         if process.cpu_scheduling_priority.is_some() && shim::find_program("chrt").is_err() {
