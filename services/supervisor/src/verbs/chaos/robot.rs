@@ -218,7 +218,7 @@ impl Drop for Robot<'_> {
     }
 }
 
-/// Tells what became of the last that was struck.
+/// Tells what became of the last that was struck, by now.
 fn show(struck: Option<&Struck>, begun: Stamp) -> Result<(), Failure> {
-    struck.map_or(Ok(()), |struck| say(&struck.line(begun.seconds())))
+    struck.map_or(Ok(()), |struck| say(&struck.line(begun.seconds(), clock::now().seconds())))
 }

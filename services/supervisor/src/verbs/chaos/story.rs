@@ -1,10 +1,14 @@
 //! What became of a robot after each blow, by what its supervisor tells.
 
 use std::fmt::Write;
+use std::time::Duration;
 
 use serde_json::Value;
 
 use super::schedule::{Blow, What};
+
+/// The dead-man has tripped by then, and a watchdog has bitten, where they ever will.
+const NOTICED_AFTER: Duration = Duration::from_millis(600);
 
 /// A blow and what followed it, until the next.
 #[derive(Debug)]
@@ -56,8 +60,9 @@ impl Struck {
         }
     }
 
-    /// One line for a person; `begun` is when the robot was ready first.
-    pub(super) fn line(&self, begun: f64) -> String {
+    /// One line for a person; `begun` is when the robot was ready first, and `end` when this story
+    /// was over, since another began.
+    pub(super) fn line(&self, begun: f64, end: f64) -> String {
         let Blow { node, what, .. } = &self.blow;
         let mut line = format!("{:9.3} s  {what} of {node}", self.at - begun);
         let Some(process) = self.process else { return line + ": it was not there\n" };
@@ -68,11 +73,30 @@ impl Struck {
             ("may move", self.moves),
         ];
         let steps = steps.iter().filter_map(|(what, after)| Some((what, (*after)?)));
-        let steps: Vec<_> =
-            steps.map(|(what, after)| format!("{what} after {:.0} ms", after * 1e3)).collect();
+        let told = |(what, after): (_, f64)| format!("{what} after {:.0} ms", after * 1e3);
+        let mut steps: Vec<_> = steps.map(told).collect();
+        if self.has_failed && self.ready.is_none() {
+            steps.push("a node went down".to_owned());
+        }
+        if self.is_cut_short(end) {
+            steps.push(told((&"cut short", end - self.at)));
+        }
         let outcome = if steps.is_empty() { "nobody noticed".to_owned() } else { steps.join(", ") };
         let _ = writeln!(line, " ({process}): {outcome}");
         line
+    }
+
+    /// Whether more of it was to come after `end`.
+    fn is_cut_short(&self, end: f64) -> bool {
+        let is_noticed = self.has_failed || self.brakes.is_some();
+        let span = match self.blow.what {
+            What::Kill => Duration::ZERO,
+            What::Stop(duration) => duration,
+        };
+        let noticed_by = self.at + (span + NOTICED_AFTER).as_secs_f64();
+        (self.has_failed && self.ready.is_none())
+            || (self.brakes.is_some() && self.moves.is_none())
+            || (!is_noticed && end < noticed_by)
     }
 }
 
@@ -123,8 +147,6 @@ fn median_and_max(times: &[f64]) -> String {
 
 #[cfg(test)]
 mod tests {
-    use std::time::Duration;
-
     use serde_json::json;
 
     use super::*;
@@ -158,7 +180,7 @@ mod tests {
         let steps = "brakes after 200 ms, stands after 300 ms, READY again after 180 ms, \
                      may move after 900 ms";
         let line = format!("    3.000 s  SIGKILL of odometry (4711): {steps}\n");
-        assert_eq!(struck.line(100.0), line);
+        assert_eq!(struck.line(100.0, 110.0), line);
         let table = table(&[struck]);
         let row = "| SIGKILL odometry | 1 | 1 | 200 | 200 | 180 | 180 |\n";
         assert!(table.ends_with(row), "{table}");
@@ -171,8 +193,24 @@ mod tests {
         let missed = Struck { process: None, ..struck(What::Kill) };
 
         let unnoticed = "SIGSTOP for 20 ms of odometry (4711): nobody noticed\n";
-        assert!(short.line(100.0).ends_with(unnoticed), "{short:?}");
-        assert!(missed.line(100.0).ends_with("SIGKILL of odometry: it was not there\n"));
+        assert!(short.line(100.0, 110.0).ends_with(unnoticed), "{short:?}");
+        assert!(missed.line(100.0, 110.0).ends_with("SIGKILL of odometry: it was not there\n"));
+        let cut = short.line(100.0, 103.2);
+        assert!(cut.ends_with("odometry (4711): cut short after 200 ms\n"), "{cut}");
         assert!(table(&[short]).ends_with("| SIGSTOP odometry | 1 | 0 | - | - | - | - |\n"));
+    }
+
+    #[test]
+    fn a_story_that_the_next_blow_cuts_short_says_what_it_came_to() {
+        let mut struck = struck(What::Stop(Duration::from_millis(1_223)));
+        struck.hear(&json!({ "kind": "failed", "monotonic_s": 103.5 }));
+        let line = struck.line(100.0, 103.6);
+        assert!(line.ends_with("(4711): a node went down, cut short after 600 ms\n"), "{line}");
+
+        struck.hear(&motion("braking", 103.2));
+        struck.hear(&json!({ "kind": "ready", "monotonic_s": 103.7 }));
+        let line = struck.line(100.0, 103.8);
+        let steps = "brakes after 200 ms, READY again after 700 ms, cut short after 800 ms\n";
+        assert!(line.ends_with(steps), "{line}");
     }
 }
