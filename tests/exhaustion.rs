@@ -2,6 +2,7 @@
 
 use std::fs::{self, File};
 use std::io::Write;
+use std::path::Path;
 use std::time::Duration;
 
 use node::clock;
@@ -40,8 +41,9 @@ fn where_shared_memory_is_used_up_in_motion_the_robot_drives_on() {
     let unlocked = [("restart = \"on-failure\"", "memory_lock = false")];
     let file = robot.launch_file_from(LAB_ROBOT, &unlocked);
     let run = robot.start_up_under(&wrapper, &[&file], |_| ()).await_count("READY", 1);
-    let filler = format!("/proc/{}/root/dev/shm/filler", run.process().pid);
-    let mut filler = File::create(filler).unwrap();
+    // The robot's own shared memory, by the kernel's way into a process's root directory.
+    let own = Path::new("/proc").join(run.process().pid.to_string()).join("root/dev/shm");
+    let mut filler = File::create(own.join("filler")).unwrap();
     let piece = vec![1; 4096];
     while filler.write_all(&piece).is_ok() {}
     let size = filler.metadata().unwrap().len();

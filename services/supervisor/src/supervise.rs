@@ -110,8 +110,8 @@ pub(crate) struct Supervisor<'a> {
     postponed: Vec<(usize, u32, Stamp)>,
     unfinished: Unfinished,
     sweep_due: Stamp,
-    /// When shared memory had last changed as nothing in it was unfinished.
-    clean: Option<(i64, i64)>,
+    /// The last change of shared memory after which nothing in it was unfinished.
+    clean_since: Option<(i64, i64)>,
     pub(crate) screen: Screen,
     systemd: Notifier,
     systemd_period: Duration,
@@ -161,7 +161,7 @@ impl<'a> Supervisor<'a> {
             postponed: Vec::new(),
             unfinished: Unfinished::default(),
             sweep_due: now,
-            clean: None,
+            clean_since: None,
             screen: Screen::new(now, options.log.format),
             systemd: Notifier::from_environment(),
             systemd_period: watchdog_period(),
@@ -370,8 +370,8 @@ impl<'a> Supervisor<'a> {
             return;
         }
         let changed = Namespace::memory_changed();
-        let is_clean = changed == self.clean || self.sweep_unfinished() == 0;
-        self.clean = changed.filter(|_| is_clean);
+        let is_clean = changed == self.clean_since || self.sweep_unfinished() == 0;
+        self.clean_since = changed.filter(|_| is_clean);
         self.sweep_due = now.after(if is_clean { SWEEP_PERIOD } else { UNFINISHED_AGE });
     }
 

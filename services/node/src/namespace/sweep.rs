@@ -61,8 +61,8 @@ struct Look {
 }
 
 impl Namespace {
-    /// Removes what a former run left, but not the lock and no emergency stop. Only for one who holds it while nothing
-    /// of the run lives.
+    /// Removes what a former run left, but not the lock and no emergency stop. Only for one who holds
+    /// it while nothing of the run lives.
     pub fn clear(&self) -> Vec<PathBuf> {
         let entries = fs::read_dir(&self.directory).into_iter().flatten().flatten();
         let mut left = self.remove_segments();
@@ -91,9 +91,10 @@ impl Namespace {
         self.segments().filter(|path| fs::remove_file(path).is_err()).collect()
     }
 
-    /// Removes what a process that was killed while it made it left unfinished, if it has been so
-    /// for `age_min`, by what is `known`: iceoryx2 0.10.0 waits for such files for ever, or never removes them. While others
-    /// live this is safe with an `age_min` that no living maker needs. Only for the supervisor.
+    /// Removes what a process that was killed while it made it left unfinished, if it has been so for
+    /// `age_min`, by what is `known`: iceoryx2 0.10.0 waits for such files for ever, or never removes
+    /// them. While others live this is safe with an `age_min` that no living maker needs. Only for the
+    /// supervisor.
     pub fn sweep_unfinished(&self, known: &mut Unfinished, age_min: Duration) -> Swept {
         let mut look = Look {
             now: clock::now(),
